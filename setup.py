@@ -90,7 +90,6 @@ setup(
         'video': [*ROS, *VIDEO],
         'paper': PAPER,
         'docs': DOCS,
-        'parquet': ['pyarrow>=15'],  # results of a batch in that form
         'bench': [  # others' inverse kinematics, which benchmarks/ sets beside ours
             'embodik>=0.23',
             'roboplan-oink>=0.7',

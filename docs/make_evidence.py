@@ -1,7 +1,7 @@
 """Draws docs/evidence.png and writes the tables of docs/choosing_a_law.md from results of a study.
 
 Run it with: python docs/make_evidence.py docs/studies/laws.parquet docs/studies/long.parquet
-The results come from: redres batch docs/studies/laws.yaml --out laws.parquet
+The results come from: python docs/study.py docs/studies/laws.yaml laws.parquet
 Results from elsewhere are first kept in docs/studies, with rounded figures.
 """
 
@@ -18,11 +18,10 @@ from make_numbers import markdown, write
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pyarrow import parquet
+from study import read_results
 
-from redres_ros import LAWS, RobotModel
-from redres_ros.simulation.batch import Result
+from redres_ros import LAWS, Result, RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.results_file import ResultsFile
 from redres_ros.simulation.summary import RATIOS
 
 FOLDER = Path(__file__).parent
@@ -53,8 +52,8 @@ def main() -> None:
     parser.add_argument('short', type=Path)
     parser.add_argument('long', type=Path)
     options = parser.parse_args()
-    short = read(kept(options.short))
-    long = read(kept(options.long))
+    short = read_results(kept(options.short))
+    long = read_results(kept(options.long))
     draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
     blocks = {
         'evidence_sample': sample(short, long),
@@ -85,13 +84,7 @@ def _rounded(column: pyarrow.ChunkedArray) -> pyarrow.ChunkedArray | pyarrow.Arr
     if column.type != pyarrow.float64():
         return column
     digits = [None if each is None else float(f'{each:.4g}') for each in column.to_pylist()]
-    return pyarrow.array(digits)  # as 64 bits: a study that goes on looks for T = 0.005 in its file
-
-
-def read(path: Path) -> list[Result]:
-    """The results in a file."""
-    with ResultsFile(path) as file:
-        return file.results()
+    return pyarrow.array(digits)
 
 
 def sample(short: Sequence[Result], long: Sequence[Result]) -> str:

@@ -6,7 +6,7 @@ The tables over random tasks take minutes, and come from: python docs/make_numbe
 
 import argparse
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,16 +14,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from study import GOOD, Trials, sweep
 
+import redres_ros
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
 from redres_ros.paper.figures.architecture import figure_1
-from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
-from redres_ros.simulation.summary import GOOD, Trials, sweep
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / 'README.md', ROOT / 'docs' / 'choosing_a_law.md', ROOT / 'docs' / 'limits.md')
@@ -97,7 +97,7 @@ def half_limits() -> list[Case]:
     ]
 
 
-def result(case: Case, _: Callable[[float], None] = lambda done: None) -> Result:
+def result(case: Case) -> Result:
     """Run it."""
     task = load_task(case.task)
     model = RobotModel.named(task.robot)
@@ -392,7 +392,7 @@ def main() -> None:
     parser.add_argument('--sweep', action='store_true', help='only the tables over random tasks')
     if parser.parse_args().sweep:
         with progress_bar(f'{RANDOM_TASKS} random tasks') as progress:
-            swept = sweep(batch.Case('lwr4_paper', T=SWEEP_T), SWEPT, RANDOM_TASKS, progress)
+            swept = sweep(redres_ros.Case('lwr4_paper', T=SWEEP_T), SWEPT, RANDOM_TASKS, progress)
         write({'sweep': sweep_table(swept)})
         title = f"{RANDOM_TASKS} random tasks of the paper's arm"
         draw_dampings(swept, title).savefig(PICTURES / 'random_dampings.png', dpi=110)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     )
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
-    from redres_ros.simulation.batch import Result, batch
-    from redres_ros.simulation.case import Case
+    from redres_ros.simulation.batch import Case, Result, batch
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Comparison, compare, plot
     from redres_ros.simulation.effort import Effort
@@ -53,8 +52,7 @@ _PUBLIC = {
     'preferences': 'PREFERENCES Preference make_preference Compliance ElbowHeight JointCentering '
     'JointLimitAvoidance Manipulability Posture',
     'planning.waypoints': 'WaypointTask load_task',
-    'simulation.case': 'Case',
-    'simulation.batch': 'Result batch',
+    'simulation.batch': 'Case Result batch',
     'simulation.closed_loop': 'run',
     'simulation.effort': 'Effort',
     'simulation.recording': 'Recording',

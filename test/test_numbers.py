@@ -18,8 +18,10 @@ def numbers() -> ModuleType:
     """docs/make_numbers.py as a module."""
     spec = importlib.util.spec_from_file_location('make_numbers', DOCS / 'make_numbers.py')
     module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(DOCS))
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
+    sys.path.remove(str(DOCS))
     return module
 
 
@@ -73,8 +75,8 @@ def test_the_tables_of_the_study_are_those_of_its_results(
     pytest.importorskip('pyarrow')
     monkeypatch.syspath_prepend(DOCS)
     evidence = importlib.import_module('make_evidence')
-    short = evidence.read(DOCS / 'studies' / 'laws.parquet')
-    long = evidence.read(DOCS / 'studies' / 'long.parquet')
+    short = evidence.read_results(DOCS / 'studies' / 'laws.parquet')
+    long = evidence.read_results(DOCS / 'studies' / 'long.parquet')
     assert on_page(numbers, 1, 'evidence_sample') == evidence.sample(short, long)
     assert not differences(on_page(numbers, 1, 'evidence_words'), evidence.words(short))
     assert not differences(on_page(numbers, 1, 'evidence'), evidence.default_table(short))

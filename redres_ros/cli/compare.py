@@ -1,7 +1,9 @@
 """`redres compare`: laws side by side on a task."""
 
 import argparse
-from collections.abc import Callable, Iterable
+import signal
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 _PICTURES = ('comparison', 'limits')
+_MOST_TASKS = 1_000_000
 _CLEAR = 1.5  # ratio of two peaks of acceleration that differ clearly
 
 
@@ -85,16 +88,16 @@ def _compare_many(options: argparse.Namespace) -> int:
 
     from redres_ros.cli.controller import case_of, in_use
     from redres_ros.cli.gains import check_gains
-    from redres_ros.simulation.case import MOST_SEEDS
+    from redres_ros.files.signals import handle
+    from redres_ros.simulation.batch import batch
     from redres_ros.simulation.random_tasks import RANDOM_TASKS
-    from redres_ros.simulation.report import print_tables
-    from redres_ros.simulation.results_file import run_cases
-    from redres_ros.simulation.summary import summaries, summary_tables
+    from redres_ros.simulation.report import print_tables, progress_bar
+    from redres_ros.simulation.summary import summary_tables
 
     if options.task:
         raise OptionError(f'--task {options.task} is one task; --tasks makes random ones')
-    if not 1 <= options.tasks <= MOST_SEEDS:
-        raise RangeError('tasks', options.tasks, 1, MOST_SEEDS)
+    if not 1 <= options.tasks <= _MOST_TASKS:
+        raise RangeError('tasks', options.tasks, 1, _MOST_TASKS)
     contenders = _contenders(options)
     check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     tasks = [
@@ -107,9 +110,15 @@ def _compare_many(options: argparse.Namespace) -> int:
         for kind, seed in tasks
         for each in contenders.values()
     ]
-    results = run_cases(cases)
-    if results:
-        print_tables(*summary_tables(summaries(results)))
+    results = []
+    handle(signal.default_int_handler, signal.SIGTERM)  # of `timeout`, or of Slurm: as Ctrl-C
+    with suppress(KeyboardInterrupt), progress_bar(f'{len(cases)} motions') as progress:
+        for result in batch(cases):
+            results.append(result)
+            progress(len(results) / len(cases))
+    print_tables(*summary_tables(results))
+    if len(results) < len(cases):
+        print(f'ended after {len(results)} of {len(cases)} motions')
     return 0 if len(results) == len(cases) else 1
 
 
@@ -187,9 +196,7 @@ def _on_searched_task(efforts: 'Iterable[Effort]') -> str:
     return 'this path was searched for; on random ones: --tasks 20 --kind random,near_singular'
 
 
-def _run(
-    run_of: tuple[_Contender, 'WantedMotion'], progress: Callable[[float], None]
-) -> tuple['Recording', 'Effort']:
+def _run(run_of: tuple[_Contender, 'WantedMotion']) -> tuple['Recording', 'Effort']:
     """The motion of one law; works in a process of its own."""
     from redres_ros.cli.controller import make_controller
     from redres_ros.simulation.closed_loop import run
@@ -198,5 +205,5 @@ def _run(
     contender, motion = run_of
     options = contender.options
     controller = make_controller(options, motion, contender.law, options.period)
-    recording = run(controller, motion.task, greedy=options.greedy, progress=progress)
+    recording = run(controller, motion.task, greedy=options.greedy)
     return recording, Effort.of(recording, motion.model)

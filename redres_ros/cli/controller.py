@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from redres_ros.cli.task import WantedMotion
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
-    from redres_ros.simulation.case import Case
+    from redres_ros.simulation.batch import Case
 
 
 def find_law(options: argparse.Namespace, name: str, damping: float | None = None) -> 'Law':
@@ -82,7 +82,7 @@ def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
         RedresError: A name or a figure that is not allowed.
     """
     from redres_ros.laws import law_name
-    from redres_ros.simulation.case import Case
+    from redres_ros.simulation.batch import Case
 
     gains = _find_gains(options)
     if law.has_memory:

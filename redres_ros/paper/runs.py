@@ -72,7 +72,7 @@ class Runs(dict[str, Any]):
         """
         names = sorted(RUNS, key=lambda name: RUNS[name].seconds, reverse=True)
 
-        def compute(name: str, _: Callable[[float], None]) -> Any:
+        def compute(name: str) -> Any:
             return self[name]
 
         self.update(zip(names, in_parallel(compute, names, progress), strict=True))

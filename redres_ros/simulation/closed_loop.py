@@ -1,4 +1,6 @@
-"""The paper's ideal loop: planner, controller, and an ideal arm."""
+"""The loop without ROS: planner, controller, and an arm, ideal as in the paper unless another one
+is given.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -9,12 +11,13 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
-from redres_ros.planning.planner import Planner
+from redres_ros.planning.planner import Planner, ReferenceSource
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import MotionRecorder, Recording
+from redres_ros.types import JointPositions, TaskVelocity
 
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
@@ -32,36 +35,72 @@ class Client(Protocol):
     T: float
     m: int
 
-    def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        """The command at a tick.
+    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
+        """The command at a tick. Raises DivergedError for a joint speed above SPEED_LIMIT."""
 
-        Args:
-            q: Joint positions, (n,) [rad].
-            dx: Task velocity, (m,).
 
-        Raises:
-            DivergedError: A joint speed above SPEED_LIMIT.
-        """
+class CommandedArm(Protocol):
+    """An arm that is commanded.
+
+    Attributes:
+        q: Measured joint positions, (n,) [rad].
+        stop_reason: Why it takes no commands any more; empty while it does.
+    """
+
+    q: JointPositions
+    stop_reason: str
+
+    def step(self, q_ref: JointPositions) -> None:
+        """One cycle with the reference that was computed from `q`."""
+
+
+class IdealArm(CommandedArm):
+    """Follows every reference exactly, `delay` ticks late.
+
+    With 0, q_{k+1} = q_k + T dq_k; with 1, tick k + 1 takes up what tick k computed.
+
+    Raises:
+        RangeError: A delay below zero.
+    """
+
+    stop_reason = ''
+
+    def __init__(self, q: JointPositions, delay: int = 0) -> None:
+        if delay < 0:
+            raise RangeError('delay', delay, 0, np.inf, 'ticks')
+        self.q = q
+        self._references = deque([q] * delay)  # not yet taken up
+
+    def step(self, q_ref: JointPositions) -> None:
+        self._references.append(q_ref)
+        self.q = self._references.popleft()
 
 
 def run(
     controller: Client,
     task: WaypointTask,
     *,
+    source: ReferenceSource | None = None,
+    plant: CommandedArm | None = None,
     delay: int = 0,
+    ahead: float = 0.0,
     greedy: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """The task from its start until the last point is reached, which adds no row.
 
-    A loop that diverges or does not arrive in time is returned as far as it went, with finished
-    False.
+    A loop that diverges, does not arrive in time, or is stopped by the arm is returned as far as it
+    went, with finished False. Where limits allow only a fraction s of the task velocity, the task's
+    time advances by s T: the path is kept, and takes longer. The recorded s is relative to the
+    nominal task velocity.
 
     Args:
         controller: Responds to each state; with m = 6 the orientation is part of the task.
         task: Start and points.
-        delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
-            robot that takes up at tick k + 1 what was computed from the state at tick k.
+        source: Where the task velocity comes from; None: a planner of the task.
+        plant: The arm; None: an ideal one.
+        delay: Ticks by which an ideal arm takes up a reference late.
+        ahead: By how much the task's time is ahead of the loop's at the start [s].
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
             leave; False: brake the path as the planner node does (planning/task_clock.py).
         progress: Called with the fraction of the nominal duration that is over.
@@ -69,83 +108,44 @@ def run(
     Raises:
         RangeError: A delay below zero.
     """
-    if delay < 0:
-        raise RangeError('delay', delay, 0, np.inf, 'ticks')
+    source = source or Planner(task)
+    plant = plant or IdealArm(task.start, delay)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
-    loop = _Loop(controller, task, delay, greedy)
+    is_pose = controller.m == 6
+    speed = PathSpeed(greedy=greedy)
+    unachieved: TaskVelocity | None = None  # of the last task velocity
+    rest = np.zeros(len(task.start))
+    recorder = MotionRecorder(controller.model, T, is_pose)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
+        state = RobotState(controller.model, plant.q, rest, rest)
+        reference = source.reference(
+            state.x,
+            t + ahead,
+            state.R if is_pose else None,
+            unachieved=unachieved,
+            rate=speed.fraction,
+        )
+        if plant.stop_reason:
+            return recorder.recording(f'stopped after {t:.3f} s: {plant.stop_reason}')
+        if reference.finished:
+            return recorder.recording(f'reached the last point after {t:.3f} s', finished=True)
         try:
-            if loop.advance(t):
-                return loop.recording(f'reached the last point after {t:.3f} s', finished=True)
+            command = controller.update(plant.q, reference.dx)
         except DivergedError:
-            return loop.recording(
+            return recorder.recording(
                 f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
             )
-        if progress and k % 100 == 0:
-            progress(t / nominal)
-    return loop.recording(f'did not reach the last point within {PATIENCE * nominal:g} s')
-
-
-class _Loop:
-    """Planner, controller and an ideal arm with a delay of some ticks.
-
-    Where limits allow only a fraction s of the task velocity, the planner's clock advances by s T:
-    the path is kept, and takes longer. The recorded s is relative to the nominal task velocity.
-
-    Args:
-        controller: Responds to each state.
-        task: Start and points.
-        delay: Ticks by which the arm uses a reference late.
-        greedy: See PathSpeed.
-    """
-
-    def __init__(self, controller: Client, task: WaypointTask, delay: int, greedy: bool) -> None:
-        self._controller = controller
-        self._planner = Planner(task)
-        self._speed = PathSpeed(greedy=greedy)
-        self._turns = controller.m == 6  # whether the orientation is part of the task
-        self._q = task.start
-        self._on_the_way = deque([task.start] * delay)  # references not yet taken up
-        self._late = 0.0  # [s] by which the planner's clock is behind
-        self._unachieved: np.ndarray | None = None  # of the last task velocity, (m,)
-        self._rest = np.zeros(len(task.start))
-        self._recorder = MotionRecorder(controller.model, controller.T, self._turns)
-
-    def advance(self, t: float) -> bool:
-        """One tick at the time t [s]. True, and nothing is done, once the last point is reached.
-
-        Raises DivergedError.
-        """
-        state = RobotState(self._controller.model, self._q, self._rest, self._rest)
-        reference = self._planner.reference(
-            state.x,
-            t - self._late,
-            state.R if self._turns else None,
-            unachieved=self._unachieved,
-            rate=self._speed.fraction,
-        )
-        if reference.finished:
-            return True
-        command = self._controller.update(self._q, reference.dx)
-        executed = self._speed.fraction * command.s  # of the nominal speed
+        executed = speed.fraction * command.s  # of the nominal speed
         recorded = command
         if executed != command.s:
             recorded = replace(command, solution=replace(command.solution, s=executed))
-        self._recorder.add(t, recorded, reference)
-        self._late += (1.0 - executed) * self._controller.T
-        self._speed.advance(command.s, self._controller.T)
-        self._unachieved = command.unachieved
-        self._on_the_way.append(command.q_ref)
-        self._q = self._on_the_way.popleft()
-        return False
-
-    def recording(self, ending: str, *, finished: bool = False) -> Recording:
-        """What was recorded so far.
-
-        Args:
-            ending: How the loop ended, in words.
-            finished: Whether the last point was reached.
-        """
-        return self._recorder.recording(ending, finished=finished)
+        recorder.add(t, recorded, reference)
+        ahead -= (1.0 - executed) * T
+        speed.advance(command.s, T)
+        unachieved = command.unachieved
+        plant.step(command.q_ref)
+        if progress and k % 100 == 0:
+            progress(t / nominal)
+    return recorder.recording(f'did not reach the last point within {PATIENCE * nominal:g} s')

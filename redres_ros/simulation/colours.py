@@ -1,4 +1,4 @@
-"""One colour for each law and one axis for each figure, in plots, films and the live page."""
+"""One colour for each law and one axis for each figure, in plots and on the live page."""
 
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ class FigureAxis(NamedTuple):
     least: float
 
 
-# Of films and of the live page, by the names of columns.
+# Of the live page, by the names of columns.
 AXES = {
     'joint_velocity_norm': FigureAxis('joint velocity, norm [rad/s]', 1.0),
     'joint_acceleration_norm': FigureAxis('joint acceleration, norm [rad/s²]', 10.0),

@@ -17,9 +17,8 @@ from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.drawing import in_symbols, legend_below, save, time_panels
+from redres_ros.simulation.drawing import NORMS, in_symbols, legend_below, save, time_panels
 from redres_ros.simulation.effort import Effort, acceleration_usage, velocity_usage
-from redres_ros.simulation.plots import NORMS
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import PEAKS, table
 from redres_ros.table import as_tuple
@@ -45,13 +44,7 @@ _WHOLE = {  # figures of Effort, and their heads
 
 @dataclass(frozen=True)
 class Comparison:
-    """The results of some laws on one task; `print` shows them as tables.
-
-    Args:
-        recordings: Every tick, by law.
-        efforts: What each asked of the arm, by law.
-        title: What was compared.
-    """
+    """Laws on one task, by their labels; `print` shows tables."""
 
     recordings: dict[str, Recording]
     efforts: dict[str, Effort]
@@ -73,7 +66,7 @@ def compare(
     limits: str | Iterable[str | Limit] = (),
     model: RobotModel | None = None,
 ) -> Comparison:
-    """Laws side by side on one task, in the ideal loop.
+    """Laws side by side on one task, in the ideal loop. Raises RedresError.
 
     Args:
         laws: Names in LAWS, or laws with gains of their own.
@@ -81,23 +74,19 @@ def compare(
         T: Sampling time [s].
         limits: Names in LIMITS, or limits, that are kept.
         model: The arm; None: that of the task.
-
-    Raises:
-        RedresError: A name or a figure that is not allowed.
     """
     if not isinstance(task, WaypointTask):
         task = load_task(str(task))
     model = model or RobotModel.named(task.robot)
     limits = as_tuple(limits)
     recordings = {}
-    efforts = {}
     for each in as_tuple(laws):
         law = make_law(each) if isinstance(each, str) else each
-        name = label(law)
-        recordings[name] = run(Controller(model, law, T, limits=limits), task, greedy=False)
-        efforts[name] = Effort.of(recordings[name], model)
+        controller = Controller(model, law, T, limits=limits)
+        recordings[label(law)] = run(controller, task, greedy=False)
     if not recordings:
         raise ArrayError('laws is empty; expected at least one')
+    efforts = {name: Effort.of(recording, model) for name, recording in recordings.items()}
     return Comparison(recordings, efforts, f'{task.robot}, T = {1e3 * T:g} ms')
 
 
@@ -127,57 +116,6 @@ def plot(
     return figure
 
 
-def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
-    """The worst moments, with the arm's limits, and the whole motion; one row a law.
-
-    Args:
-        efforts: Efforts by law.
-        title: What was compared.
-    """
-    marked = {name: _marked(efforts, name) for name in (*PEAKS, *_WHOLE)}
-    worst = []
-    whole = []
-    for law, effort in efforts.items():
-        worst.append([law, *(marked[name][law] for name in PEAKS), _within(effort)])
-        whole.append([law, *(marked[name][law] for name in _WHOLE)])
-    notes = filter(None, ('* least', conclusion(efforts)))
-    unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
-    return (
-        table(['law', *PEAKS.values(), 'within the limits?'], worst, title=title),
-        table(['law', *_WHOLE.values()], whole, note='\n'.join([*notes, *unfinished])),
-    )
-
-
-def _within(effort: Effort) -> str:
-    """Whether it stayed within the limits, as text."""
-    return f'no: {effort.violation}' if effort.violation else 'yes'
-
-
-def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
-    """One figure of every law as text, the least of them with a star."""
-    values = {law: getattr(effort, name) for law, effort in efforts.items()}
-    shown = {law: f'{value:.4g}' for law, value in values.items()}
-    least = shown[min(values, key=values.__getitem__)]
-    return {law: f'{text}{"*" if text == least else " "}' for law, text in shown.items()}
-
-
-def conclusion(efforts: Mapping[str, Effort]) -> str:
-    """The conclusion of a comparison of efforts by law, in a line; empty for a single law."""
-    finished = {law: effort for law, effort in efforts.items() if effort.finished}
-    if len(finished) < 2:
-        return ''
-    peaks = {law: effort.acceleration for law, effort in finished.items()}
-    best = min(peaks, key=peaks.__getitem__)
-    worst = max(peaks, key=peaks.__getitem__)
-    if peaks[worst] < _ALIKE * peaks[best]:
-        return (
-            'The peaks of acceleration hardly differ: on this task the law does not matter. '
-            'It may where a path passes a singularity in motion.'
-        )
-    ratio = peaks[worst] / peaks[best]
-    return f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.'
-
-
 def label(law: Law) -> str:
     """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
     if not law.has_memory:
@@ -190,13 +128,49 @@ def plain(number: float) -> str:
     return repr(float(number)).removesuffix('.0')
 
 
-def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
-    """The norms of all laws over time, one panel a norm.
+def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
+    """The worst moments, with the arm's limits, and the whole motion; one row a law."""
+    marked = {name: _marked(efforts, name) for name in (*PEAKS, *_WHOLE)}
+    worst = []
+    whole = []
+    for law, effort in efforts.items():
+        within = f'no: {effort.violation}' if effort.violation else 'yes'
+        worst.append([law, *(marked[name][law] for name in PEAKS), within])
+        whole.append([law, *(marked[name][law] for name in _WHOLE)])
+    notes = filter(None, ('* least', conclusion(efforts)))
+    unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
+    return (
+        table(['law', *PEAKS.values(), 'within the limits?'], worst, title=title),
+        table(['law', *_WHOLE.values()], whole, note='\n'.join([*notes, *unfinished])),
+    )
 
-    Args:
-        recordings: Recordings by law.
-        title: What was compared.
-    """
+
+def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
+    """One figure of every law as text, the least of them with a star."""
+    values = {law: getattr(effort, name) for law, effort in efforts.items()}
+    shown = {law: f'{value:.4g}' for law, value in values.items()}
+    least = shown[min(values, key=values.__getitem__)]
+    return {law: f'{text}{"*" if text == least else " "}' for law, text in shown.items()}
+
+
+def conclusion(efforts: Mapping[str, Effort]) -> str:
+    """The conclusion of a comparison of efforts by law, in a line; empty for a single law."""
+    peaks = {law: effort.acceleration for law, effort in efforts.items() if effort.finished}
+    if len(peaks) < 2:
+        return ''
+    best = min(peaks, key=peaks.__getitem__)
+    worst = max(peaks, key=peaks.__getitem__)
+    if peaks[worst] < _ALIKE * peaks[best]:
+        return (
+            'The peaks of acceleration hardly differ: on this task the law does not matter. '
+            'It may where a path passes a singularity in motion.'
+        )
+    ratio = peaks[worst] / peaks[best]
+    return f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.'
+
+
+def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
+    """The norms of all laws over time, one panel a norm."""
     figure, axes = time_panels(len(NORMS), title, (11.0, 9.0))
     styles = line_styles(list(recordings))
     for ax, (norm, label) in zip(axes, NORMS.items(), strict=True):
@@ -220,7 +194,7 @@ def draw_limit_usage(
         recordings: Recordings by law.
         model: The arm, with its limits.
         allowed: Fraction of them that the motions may use, `limit_scale`.
-        title: What was compared.
+        title: Above the panels.
     """
     figure, (velocity, acceleration, scaling) = time_panels(3, title, (11.0, 8.0))
     styles = line_styles(list(recordings))

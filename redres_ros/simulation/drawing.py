@@ -26,19 +26,20 @@ _COLUMN_LETTERS = 64  # of a line of the title
 _BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is labelled
 _OF_ALL = 'legend of all panels'
 
+NORMS = {
+    'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
+    'joint_velocity_norm': r'velocity $\Vert\dot q\Vert$ [rad/s]',
+    'null_velocity_norm': r'null-space part $\Vert P\dot q\Vert$ [rad/s]',
+    'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
+}
+
 # What plain text writes, and how a picture shows it
 _SYMBOLS = {'k_d': '$k_d$', '1/s': 's$^{-1}$', 'λ': r'$\lambda$'}
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a file: a picture for the screen, or a drawing for a column of a paper.
-
-    Args:
-        figure: What is drawn; a .pdf or .svg has the width of a column, and so has the figure then.
-        path: Its folder is made if it does not exist.
-
-    Raises:
-        FileError: It cannot be written.
+    """Write a figure as a picture for the screen, or as a .pdf or .svg as wide as a column of a
+    paper. Its folder is made if it does not exist. Raises FileError.
     """
     if path.suffix in DRAWINGS:
         _fit_column(figure)
@@ -50,14 +51,7 @@ def save(figure: Figure, path: Path) -> None:
 def time_panels(
     count: int, title: str, size: tuple[float, float], heights: Sequence[float] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with panels above each other over one time axis.
-
-    Args:
-        count: Number of panels.
-        title: Above the first.
-        size: Size of the figure [in].
-        heights: Heights of the panels, relative to each other; None: all the same.
-    """
+    """A figure of some size [in] with panels above each other over one time axis."""
     figure = Figure(figsize=size, layout='constrained')
     panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True, height_ratios=heights)))
     panels[0].set_title(title)
@@ -69,14 +63,7 @@ def time_panels(
 
 
 def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:
-    """A legend of several panels below the lowest one, for which the layout leaves space.
-
-    Args:
-        ax: The lowest panel.
-        labelled: The panel whose curves have the labels.
-        ncols: Number of columns.
-        fontsize: None for that of other texts.
-    """
+    """A legend of a panel's labels below the lowest one, `ax`; the layout leaves space for it."""
     # 'outside lower center' of a figure is the same, but needs matplotlib 3.7.
     below = ax.transAxes + ScaledTranslation(0.0, -_BELOW, ax.figure.dpi_scale_trans)
     legend = ax.legend(

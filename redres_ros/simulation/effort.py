@@ -41,12 +41,7 @@ class Effort:
 
     @classmethod
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
-        """The effort of a motion.
-
-        Args:
-            recording: Recording of at least one tick.
-            model: Model of the arm.
-        """
+        """The effort of a motion of at least one tick."""
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
@@ -66,11 +61,8 @@ class Effort:
 
 
 def first_violation(recording: Recording, limits: JointLimits) -> str:
-    """The first joint beyond one of its limits, how and when; empty if all are kept.
-
-    Args:
-        recording: Recording of a motion that began at rest.
-        limits: Limits of the same arm.
+    """The first joint beyond one of its limits, how and when; empty if all are kept. The motion
+    began at rest.
     """
     q = recording.vectors('q1')
     tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
@@ -92,22 +84,12 @@ def first_violation(recording: Recording, limits: JointLimits) -> str:
 
 
 def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Velocity of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
-
-    Args:
-        recording: Recording of commands.
-        model: The arm, with its limits.
-    """
+    """Velocity of the joint nearest to its limit, or beyond, as a fraction of it, (ticks,)."""
     usage = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
     return usage.max(axis=1)
 
 
 def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Acceleration of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
-
-    Args:
-        recording: Recording of commands.
-        model: The arm, with its limits.
-    """
+    """Acceleration of the joint nearest to its limit, or beyond, as a fraction of it, (ticks,)."""
     usage = np.abs(recording.accelerations) / JointLimits.of(model.arm).acceleration
     return usage.max(axis=1)

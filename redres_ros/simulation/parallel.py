@@ -1,11 +1,11 @@
-"""The same work on many items, on all processors, with one progress for the whole."""
+"""The same work on many items, on all processors of this computer."""
 
 import gc
 import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -15,55 +15,41 @@ from redres_ros.files.signals import handle
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
-Progress = Callable[[float], None]
 
-_LOOK = 0.1  # [s] between looks at how far the others are
-
-# in a worker: what to do, with what, and an array, shared by all, of how far each piece is
-_work: Any = None
-_items: Sequence[Any] = ()
-_fractions: Any = None
+_shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker: work, items
 
 
 def in_parallel(
-    work: Callable[[Item, Progress], Result], items: Sequence[Item], progress: Progress
+    work: Callable[[Item], Result], items: Sequence[Item], progress: Callable[[float], None]
 ) -> list[Result]:
-    """The results of work(item, progress), in the order of the items.
+    """The results of work(item), in the order of the items. Raises RedresError as `work` does.
 
     Args:
-        work: Runs in a process of its own, a copy of this one, and its result is sent back.
-        items: Items of any kind: the copy has them already.
-        progress: Called with the fraction of the whole that is done, 0 to 1.
-
-    Raises:
-        RedresError: As one of the pieces of work raised it.
+        work: Runs in copies of this process: any function will do. Its result is sent back.
+        items: Of any kind.
+        progress: Called with the fraction that is done.
     """
-    workers = min(len(os.sched_getaffinity(0)), len(items))
-    if workers <= 1:
-        return [work(item, _part(progress, place, items)) for place, item in enumerate(items)]
-    fractions = multiprocessing.RawArray('d', len(items))
-    with processes(workers, _share, work, items, fractions) as pool:
-        futures = [pool.submit(_piece, place) for place in range(len(items))]
-        _watch(futures, fractions, progress)
+    with processes(len(items), (work, items)) as pool:
+        futures = [pool.submit(_work_on, place) for place in range(len(items))]
+        for done, future in enumerate(as_completed(futures), 1):
+            future.result()
+            progress(done / len(items))
         return [future.result() for future in futures]
 
 
 @contextmanager
-def processes(
-    workers: int, begin: Callable[..., None] | None = None, *args: Any
-) -> Iterator[Executor]:
+def processes(most: int, shared: Any = None) -> Iterator[Executor]:
     """Worker processes, which are killed if the block ends by an exception, Ctrl-C included.
 
     Args:
-        workers: How many.
-        begin: Called first in each.
-        *args: Its arguments.
+        most: How many there are at most; there is never more than one for each processor.
+        shared: Goes to the workers with the copy of this process.
     """
-    # A copy of this process has everything loaded already.
-    context = multiprocessing.get_context('fork')
+    workers = max(min(len(os.sched_getaffinity(0)), most), 1)
+    context = multiprocessing.get_context('fork')  # a copy has everything loaded already
     others = set(multiprocessing.active_children())
     gc.freeze()  # copies must not destroy objects of this process, such as ROS nodes
-    with ProcessPoolExecutor(workers, context, _begin, (begin, args)) as pool:
+    with ProcessPoolExecutor(workers, context, _begin, (shared,)) as pool:
         try:
             yield pool
         except BaseException:  # nobody waits for the other results any more
@@ -74,43 +60,18 @@ def processes(
             gc.unfreeze()
 
 
-def _part(progress: Progress, place: int, items: Sequence[Any]) -> Progress:
-    """Turns the progress of one item into that of the whole; those before it are done."""
-    return lambda fraction: progress((place + fraction) / len(items))
-
-
-def _watch(futures: Sequence[Future[Any]], fractions: Sequence[float], progress: Progress) -> None:
-    """Report the progress until everything is done. Raises what a piece of work raised."""
-    pending = set(futures)
-    while pending:
-        done, pending = wait(pending, _LOOK, FIRST_COMPLETED)
-        for future in done:
-            future.result()
-        progress(sum(fractions) / len(fractions))
-
-
-def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
+def _begin(shared: Any) -> None:
     # Ctrl-C and Slurm's SIGTERM reach all processes: end silently.
+    global _shared
     handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
     end_with_parent(signal.SIGKILL)  # else it would wait for ever
-    if begin:
-        begin(*args)
+    _shared = shared
 
 
-def _share(work: Any, items: Sequence[Any], fractions: Any) -> None:
-    global _work, _items, _fractions
-    _work = work
-    _items = items
-    _fractions = fractions
-
-
-def _piece(place: int) -> Any:
-    def progress(fraction: float) -> None:
-        _fractions[place] = fraction
-
+def _work_on(place: int) -> Any:
+    assert _shared is not None
+    work, items = _shared
     try:
-        result = _work(_items[place], progress)
+        return work(items[place])
     except RedresError as error:  # what has more arguments than a text cannot be sent
         raise RedresError(str(error)) from None
-    progress(1.0)
-    return result

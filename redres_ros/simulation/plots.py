@@ -1,4 +1,4 @@
-"""Pictures of motions. Draws to files, without a display."""
+"""Pictures of one motion: paths in space and norms over time. Draws to files, without a display."""
 
 import textwrap
 from collections.abc import Mapping
@@ -9,20 +9,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below, save, time_panels
-from redres_ros.simulation.paths import draw_paths
+from redres_ros.simulation.drawing import NORMS, legend_below, save, time_panels
 from redres_ros.simulation.recording import Recording
-
-NORMS = {
-    'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
-    'joint_velocity_norm': r'velocity $\Vert\dot q\Vert$ [rad/s]',
-    'null_velocity_norm': r'null-space part $\Vert P\dot q\Vert$ [rad/s]',
-    'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
-}
+from redres_ros.types import Points
 
 _SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
@@ -32,6 +26,12 @@ _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not s
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _MOST_POINTS = 2000  # of a curve
+
+_BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
+_ARROW = 0.08  # [m]
+_LARGEST_ARROW = 0.05  # of the length of the path
+_THINNEST = 0.35  # of the longest axis that each axis is shown with
+_ZOOM = 0.85  # leaves space for the labels of the axes
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,6 @@ class Remarks:
     switches: tuple[tuple[float, str, str], ...] = ()
     law: str = ''
 
-    @property
-    def laws(self) -> list[tuple[float, str]]:
-        """(time [s], law in force from then on)."""
-        return [(-np.inf, self.law), *((t, after) for t, _, after in self.switches)]
-
 
 def draw_motion(
     recording: Recording,
@@ -65,18 +60,7 @@ def draw_motion(
     remarks: Remarks,
 ) -> None:
     """One page: the paths of tip and elbow on the left, norms over time on the right; and the
-    errors of a task with orientations.
-
-    Args:
-        recording: The motion, of at least one row.
-        model: Model of the arm that moved.
-        task: Its task.
-        title: Above the page.
-        path: Path of the file, a .png, .pdf or .svg.
-        remarks: What else is marked.
-
-    Raises:
-        FileError: The file cannot be written.
+    errors of a task with orientations. The motion has at least one row. Raises FileError.
     """
     figure = Figure(figsize=(13.0, 7.5), layout='constrained')
     figure.suptitle('\n'.join([title, *_lines(remarks)]), fontsize='medium')
@@ -90,7 +74,9 @@ def draw_motion(
         _mark_events(ax, recording, remarks)
     if recording.pose:
         _draw_errors(panels[-1], recording)
-    _name_switches(panels[-1], remarks)
+    for t, before, after in remarks.switches:
+        _label_line(panels[-1], t, 0.97, f'{before} ', ha='right', rotation=90, va='top')
+        _label_line(panels[-1], t, 0.97, f' {after}', ha='left', rotation=90, va='top')
     panels[-1].set_xlabel('time [s]')
     end = max(recording['t'][-1], recording.T)
     panels[-1].set_xlim(-_MARGIN * end, (1.0 + _MARGIN) * end)
@@ -101,7 +87,7 @@ def draw_motion(
 def draw_contact(
     forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
 ) -> None:
-    """Draw the force on the tip, and how far tip and elbow moved, into a file.
+    """The force on the tip, and how far tip and elbow moved.
 
     Args:
         forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).
@@ -126,14 +112,10 @@ def draw_contact(
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
-    """One norm over time, in the colour of the law, with the same norm of other motions.
+    """One of NORMS over time, in the colour of the law, with the same norm of other motions.
 
-    Args:
-        ax: Where.
-        norm: One of NORMS.
-        recording: The motion that sets the scale; peaks beyond it are cut off and labelled. What
-            the robot stopped may be far beyond the rest, and does not set the scale.
-        remarks: Laws, other motions, and a stop.
+    The recording sets the scale; peaks beyond it are cut off and labelled. What the robot stopped
+    may be far beyond the rest, and does not set the scale.
     """
     beside = remarks.beside
     for name, other in beside.items():
@@ -157,12 +139,11 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> No
 def _plot_by_law(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
     """The curve of this run, each part of it in the colour of the law in force."""
     t, values = _curve(recording, norm)
-    laws = remarks.laws
-    for place, (start, law) in enumerate(laws):
-        shown = values if place == 0 else np.where(t < start, np.nan, values)
-        if place + 1 < len(laws):
-            shown = np.where(t > laws[place + 1][0], np.nan, shown)
-        label = 'this run' if place == 0 else f'_{law}'  # an underscore: not in the legend
+    laws = [(-np.inf, remarks.law), *((t, after) for t, _, after in remarks.switches)]
+    ends = [start for start, _ in laws[1:]] + [np.inf]
+    for (start, law), end in zip(laws, ends, strict=True):
+        shown = np.where((t < start) | (t > end), np.nan, values)
+        label = 'this run' if start < 0.0 else f'_{law}'  # an underscore: not in the legend
         ax.plot(t, shown, color=law_colour(law), lw=1.2, label=label)
 
 
@@ -193,49 +174,36 @@ def _lines(remarks: Remarks) -> list[str]:
 
 def _mark_events(ax: Axes, recording: Recording, remarks: Remarks) -> None:
     """Switches by their numbers, and the stop."""
-    across = ax.get_xaxis_transform()  # x in seconds, y from 0 at the bottom to 1 at the top
     for number, (t, _, _) in enumerate(remarks.switches, 1):
         ax.axvline(t, color='tab:green', ls='--', lw=1.0)
-        ax.text(
-            t, 1.01, str(number), color='tab:green', transform=across, ha='center', fontsize='small'
-        )
+        _label_line(ax, t, 1.01, str(number), ha='center')
     if remarks.stopped:
         ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
 
 
-def _name_switches(ax: Axes, remarks: Remarks) -> None:
-    """The law before each switch on the left of its line, and the one after it on the right."""
+def _label_line(ax: Axes, t: float, height: float, text: str, **style: Any) -> None:
+    """A text at a time [s] and a height, from 0 at the bottom to 1 at the top."""
     across = ax.get_xaxis_transform()
-    style: dict[str, Any] = {
-        'transform': across,
-        'color': 'tab:green',
-        'fontsize': 'x-small',
-        'rotation': 90,
-        'va': 'top',
-    }
-    for t, before, after in remarks.switches:
-        ax.text(t, 0.97, f'{before} ', ha='right', **style)
-        ax.text(t, 0.97, f' {after}', ha='left', **style)
+    ax.text(t, height, text, color='tab:green', transform=across, fontsize='small', **style)
 
 
 def _label_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
     """Label the peak of a curve where it leaves the picture."""
-    peak, t = other.peak(norm)
     beyond = other['t'][other[norm] > top]
     if not len(beyond):
         return
-    place = {'x': beyond[0], 'ha': 'right'}
-    if beyond[0] < 0.3 * other['t'][-1]:
-        place = {'x': beyond[-1], 'ha': 'left'}
+    peak, t = other.peak(norm)
+    is_early = beyond[0] < 0.3 * other['t'][-1]
     ax.text(
-        y=0.96,
-        s=f'  up to {peak:.3g} at {t:.2f} s  ',
+        beyond[-1] if is_early else beyond[0],
+        0.96,
+        f'  up to {peak:.3g} at {t:.2f} s  ',
+        ha='left' if is_early else 'right',
         transform=ax.get_xaxis_transform(),
         color='0.4',
         fontsize='small',
         va='top',
         clip_on=True,
-        **place,
     ).set_in_layout(False)
 
 
@@ -248,3 +216,71 @@ def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
     t = recording['t']
     breaks = np.flatnonzero(np.diff(t) > _GAP) + 1
     return np.insert(t, breaks, np.nan), np.insert(recording[norm], breaks, np.nan)
+
+
+def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
+    """The path of the tip in black and of the elbow in blue, with the task's points in red, in
+    three dimensions.
+
+    The start is a filled circle, and arrows point where the motion goes.
+    """
+    tip = recording.vectors('x')  # (N, 3)
+    elbow = np.array(
+        [model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]]
+    )  # (N / 10, 3)
+    if len(tip):
+        ax.plot(*tip.T, color='black', label='tip')
+        ax.plot(*elbow.T, color='tab:blue', label='elbow')
+        _draw_arrows(ax, tip, 'black')
+        _draw_arrows(ax, elbow, 'tab:blue')
+        ax.plot(*elbow[:1].T, 'o', color='tab:blue', ms=6)
+        ax.plot(*tip[:1].T, 'o', color='black', ms=7, label='start')
+    ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
+    outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
+    lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
+    places = task.waypoints + _BESIDE * outwards / lengths  # of the labels
+    for point, names in _names_by_point(task.waypoints).items():
+        style = {'color': 'tab:red', 'ha': 'center', 'va': 'center'}
+        ax.text(*places[point], ', '.join(names), **style)
+    ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='paths of tip and elbow')
+    _scale_alike(ax)
+    ax.view_init(elev=18.0, azim=-35.0)
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
+
+
+def _names_by_point(points: Points) -> dict[int, list[str]]:
+    """What the points are called, by the first of those that are in one place."""
+    names: dict[int, list[str]] = {}
+    for number, point in enumerate(points):
+        first = int(np.argmin(np.linalg.norm(points - point, axis=1)))
+        names.setdefault(first, []).append(f'$x_{number}$')
+    return names
+
+
+def _draw_arrows(ax: Any, path: Points, color: str) -> None:
+    """Arrow heads along a path."""
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
+    size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
+    for fraction in (0.15, 0.5, 0.85):
+        at = int(np.searchsorted(lengths, fraction * lengths[-1]))
+        ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(path) - 1)
+        direction = path[ahead] - path[at]
+        direction *= size / max(float(np.linalg.norm(direction)), 1e-9)
+        ax.quiver(*path[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
+
+
+def _scale_alike(ax: Any) -> None:
+    """Make a metre equally long on every axis, with as many ticks as fit."""
+    limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
+    spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
+    middles = limits.mean(axis=1)
+    for set_limits, middle, span in zip(
+        (ax.set_xlim, ax.set_ylim, ax.set_zlim), middles, spans, strict=True
+    ):
+        set_limits(middle - span / 2.0, middle + span / 2.0)
+    ax.set_box_aspect(spans, zoom=_ZOOM)
+    ax.zaxis.labelpad = 8.0
+    for axis, span in zip((ax.xaxis, ax.yaxis, ax.zaxis), spans, strict=True):
+        axis.set_major_locator(MaxNLocator(max(round(4.0 * span / spans.max()), 2)))
+        axis.set_tick_params(labelsize='small')

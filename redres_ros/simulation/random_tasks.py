@@ -81,14 +81,8 @@ def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
     stays within the limits.
 
     Such paths pass near a singularity in motion and are rare: of random ones less than one in a
-    hundred. So the best of some random triangles are changed again and again.
-
-    Args:
-        model: The arm.
-        robot: Its name, for the task.
-
-    Returns:
-        The best that was found; None if the arm leaves its limits on all of them.
+    hundred. So the best of some random triangles are changed again and again. None if the arm
+    leaves its limits on all of them.
     """
     random = np.random.default_rng(0)
     postures = [_random_posture(model, random) for _ in range(_TRIANGLES * _CORNERS)]
@@ -135,17 +129,7 @@ RANDOM_TASKS: dict[str, Callable[[RobotModel, str, int], WaypointTask]] = {
 
 
 def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A random task of a kind.
-
-    Args:
-        kind: A name in RANDOM_TASKS.
-        model: The arm.
-        robot: Its name, for the task.
-        seed: The same one gives the same task.
-
-    Raises:
-        UnknownNameError: There is no such kind.
-    """
+    """A random task of a kind in RANDOM_TASKS for an arm and its name. Raises UnknownNameError."""
     if kind not in RANDOM_TASKS:
         raise UnknownNameError('kind of task', kind, RANDOM_TASKS)
     return RANDOM_TASKS[kind](model, robot, seed)

@@ -13,17 +13,15 @@ from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Weight, resolve_one
 from redres_ros.robot_model import RobotModel
+from redres_ros.types import Seconds
 
 _BLOCK = 400  # ticks: of more, a tick takes no less time
 _NEAR = 1e-2  # ratio of singular values below which their squares have lost too many digits
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:
-    """Column names; positions [rad], velocities [rad/s], lengths [m], torque [Nm], time [s].
-
-    Args:
-        n: Number of joints.
-        pose: Whether the task has an orientation.
+    """Column names, for n joints; positions [rad], velocities [rad/s], lengths [m], torque [Nm],
+    time [s].
     """
     joints = range(1, n + 1)
     return (
@@ -44,15 +42,9 @@ def columns(n: int, pose: bool = False) -> tuple[str, ...]:
 
 
 class MotionRecorder:
-    """Collects the ticks of a motion; figures are computed in arrays, many ticks at a time.
+    """Collects the ticks of a motion; figures are computed in arrays, many ticks at a time."""
 
-    Args:
-        model: Model of the arm.
-        T: Sampling time [s].
-        pose: Whether the task has orientations.
-    """
-
-    def __init__(self, model: RobotModel, T: float, pose: bool = False) -> None:
+    def __init__(self, model: RobotModel, T: Seconds, pose: bool = False) -> None:
         self._model = model
         self._T = T
         self._pose = pose
@@ -62,14 +54,7 @@ class MotionRecorder:
         self._vectors: list[np.ndarray] = []
         self._blocks: list[np.ndarray] = [np.empty((0, len(columns(model.n, pose))))]
 
-    def add(self, t: float, command: Command, reference: Reference) -> None:
-        """Add a tick.
-
-        Args:
-            t: Time [s].
-            command: Command of this tick.
-            reference: Where the task is.
-        """
+    def add(self, t: Seconds, command: Command, reference: Reference) -> None:
         state = command.state
         turn_left = (reference.orientation_error,) if self._pose else ()
         self._weights.append(command.W)
@@ -80,12 +65,7 @@ class MotionRecorder:
             self._compute()
 
     def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
-        """The motion so far.
-
-        Args:
-            ending: How it ended, in words.
-            finished: Whether the last point was reached.
-        """
+        """The motion so far, and how it ended, in words."""
         if self._weights:
             self._compute()
         data = np.concatenate(self._blocks)
@@ -124,13 +104,8 @@ def _null_velocities(
     """The null-space terms of Eq. (2), (ticks, n) [rad/s], and the smallest singular values of J,
     (ticks,).
 
-    The terms are dq - J' (J J')^-1 J dq, in arrays, where the weight is the identity and J is far
-    from singular.
-
-    Args:
-        J: (ticks, m, n).
-        dq: (ticks, n) [rad/s].
-        weights: One a tick.
+    The terms are dq - J' (J J')^-1 J dq, in arrays, where the weight is the identity and J
+    (ticks, m, n) is far from singular.
     """
     squares = J @ J.transpose(0, 2, 1)  # J J', in a quarter of the time of singular values
     eigenvalues = np.linalg.eigvalsh(squares)  # (ticks, m), the least first
@@ -151,12 +126,9 @@ def _null_velocities(
 
 @dataclass(frozen=True)
 class Recording:
-    """A motion, one row a tick.
+    """A motion, one row a tick: data (ticks, columns) of n joints.
 
     Attributes:
-        data: (ticks, columns).
-        n: Number of joints.
-        T: Sampling time [s].
         finished: Whether the last point was reached.
         ending: How it ended, in words.
         pose: Whether the task has orientations.

@@ -56,12 +56,7 @@ def table(
 
 
 def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
-    """A table of labels and texts.
-
-    Args:
-        rows: (label, text); a row of one cell is the heading of a section.
-        title: Above them.
-    """
+    """A table of labels and texts; a row of one cell is the heading of a section."""
     shown = Table(
         title=Text(title, style='bold') if title else None,
         box=box.SIMPLE,

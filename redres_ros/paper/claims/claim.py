@@ -84,7 +84,7 @@ def check_all(
     """
     claims = list(claims)
 
-    def measure(claim: Claim, _: Callable[[float], None]) -> Finding:
+    def measure(claim: Claim) -> Finding:
         return claim.measure(runs)
 
     return dict(zip(claims, in_parallel(measure, claims, progress), strict=True))

@@ -58,7 +58,7 @@ def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[i
     """
     files = {number: out / f'figure_{number:02d}.png' for number in FIGURES}
 
-    def draw(number: int, _: Callable[[float], None]) -> None:
+    def draw(number: int) -> None:
         save(FIGURES[number](runs), files[number])
 
     in_parallel(draw, list(FIGURES), progress)

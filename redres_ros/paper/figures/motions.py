@@ -12,7 +12,7 @@ from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.drawing import legend_below
-from redres_ros.simulation.paths import draw_paths
+from redres_ros.simulation.plots import draw_paths
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.render import AZIMUTH, ELEVATION, Film, RenderError, render
 

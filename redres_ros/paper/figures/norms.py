@@ -14,8 +14,8 @@ from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below, time_panels
-from redres_ros.simulation.plots import NORMS, Remarks, draw_norm
+from redres_ros.simulation.drawing import NORMS, legend_below, time_panels
+from redres_ros.simulation.plots import Remarks, draw_norm
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
