@@ -18,7 +18,7 @@ from study import GOOD, Trials, sweep
 
 import redres_ros
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
-from redres_ros.paper.figures.architecture import figure_1
+from redres_ros.paper.figures.sketches import figure_1
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage

@@ -1,7 +1,6 @@
 """Takes over what `redres reproduce` found: the claims as a table, the figures as small pictures.
 
 Run it with: redres reproduce && python docs/make_paper.py redres_reproduce
-For the claims on contact: redres reproduce contact && python docs/make_paper.py redres_reproduce
 """
 
 import argparse

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from contact_scenes import PUSH, elbow_direction, elbow_pushed
 from test_yielding import EPOCH, LIMITS
 
 from redres_ros import Compliance, Controller, Posture, RobotModel, make_law
@@ -9,7 +10,6 @@ from redres_ros.errors import ArrayError
 from redres_ros.limits.joint import VelocityLimit
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
-from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
 from redres_ros.policy import make_policy
 from redres_ros.robot_model import RobotState, TickContext
 

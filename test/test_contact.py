@@ -11,9 +11,6 @@ from redres_ros.contact import Admittance, AdmittanceSettings, ContactControl, m
 from redres_ros.contact.contact_control import ContactError, PayloadError
 from redres_ros.contact.force_sensor import ForceSensor, TareError
 from redres_ros.errors import ArrayError, RangeError
-from redres_ros.paper.contact import claims
-from redres_ros.paper.contact.pushed import STEP, STIFFNESS, analytic, stepped
-from redres_ros.paper.runs import Runs
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('fr3')
@@ -98,16 +95,6 @@ def test_the_rate_is_the_implicit_euler_step_of_mass_damper_and_spring() -> None
     assert loop.contact.admittance.e == pytest.approx(e, abs=1e-12)
     # the arm itself: a tick moves the tip by T J dq, to second order in the step
     assert x - x0 == pytest.approx(e, abs=1e-5)
-
-
-def test_a_step_of_force_is_answered_like_the_analytic_mass_damper_and_spring() -> None:
-    assert np.abs(stepped() - analytic()).max() < 0.02 * STEP / STIFFNESS
-
-
-@pytest.mark.nightly
-def test_on_the_plant_servos_that_give_way_are_the_whole_difference() -> None:
-    finding = claims.step_response.measure(Runs())
-    assert finding.held, finding.measured
 
 
 @pytest.mark.parametrize('task', ['position', 'pose'])

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from redres_ros.paper.contact.scenes import APPROACH, RAMP, SLIDE, Pressing, pressed
+from contact_scenes import APPROACH, RAMP, SLIDE, Pressing, pressed
 
 pytestmark = pytest.mark.slow
 

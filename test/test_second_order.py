@@ -11,7 +11,7 @@ from doubles import SpringLaw
 from scipy.linalg import null_space
 
 from redres_ros import LAWS, Controller, RobotModel, RobotState, make_law, resolve
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
     MinimumAccelerationScheme,
@@ -93,39 +93,10 @@ def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, dampi
 
 
 @EVERY_SCHEME
-@EVERY_DAMPING
-def test_the_null_space_part_is_that_of_the_law(name, damping, model, task):
-    law = Controller(model, make_law(name, damping=damping), T)
-    scheme = SecondOrderController(model, make_scheme(name, damping), T)
-    q = task.start
-    for _ in range(50):
-        one = law.update(q, DX)
-        two = scheme.update(q, DX)
-        assert np.linalg.norm(one.null - two.null) < ROUNDING * np.linalg.norm(one.dq)
-        q = one.q_ref
-
-
-@EVERY_SCHEME
 def test_the_arm_is_at_rest_before_the_first_tick(name, model, task):
     command = SecondOrderController(model, make_scheme(name, 0.0), T).update(task.start, DX)
     assert not command.state.dq_prev.any()
     assert command.J @ command.ddq == pytest.approx(DX / T, rel=ROUNDING)
-
-
-@EVERY_SCHEME
-def test_the_reference_integrates_the_velocity(name, model, task):
-    controller = SecondOrderController(model, make_scheme(name), T)
-    first = controller.update(task.start, DX)
-    second = controller.update(task.start, DX)  # an arm that lags behind changes nothing
-    assert (first.q_ref == task.start + T * first.dq).all()
-    assert (second.q_ref == first.q_ref + T * second.dq).all()
-
-
-@EVERY_SCHEME
-def test_a_closed_loop_runs_it_like_a_controller(name, task):
-    model = RobotModel.named('lwr4_paper', dynamics='identified')
-    short = replace(task, waypoints=task.waypoints[:2], segment_time=0.5)
-    assert run(SecondOrderController(model, make_scheme(name), 0.005), short).finished
 
 
 def flattened(state: RobotState) -> RobotState:
@@ -214,23 +185,6 @@ def test_the_dynamically_consistent_torque_gives_the_acceleration_of_31(damping,
         )
 
 
-def test_without_damping_the_least_torque_is_that_of_7(ticks):
-    scheme = make_scheme('minimum_torque', 0.0)
-    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        JM_inv = state.J[:3] @ np.linalg.inv(state.M)
-        assert same(
-            scheme.torque(state, ddx, dJ_dq),
-            np.linalg.pinv(JM_inv) @ (ddx - dJ_dq + JM_inv @ state.n),
-        )
-
-
-def test_full_damping_turns_least_acceleration_into_least_velocity(model, ticks):
-    scheme = make_scheme('minimum_acceleration', 1.0 / T)
-    for tick in ticks:
-        dq = step(model, scheme, T, tick.state, tick.J_prev, DX, tick.dx_prev)
-        assert same(dq, np.linalg.pinv(tick.state.J[:3]) @ DX)  # Eq. (2), Appendix B
-
-
 @dataclass(frozen=True)
 class SpringScheme(MinimumAccelerationScheme):
     """Eq. (18) with damping and a joint-space spring: ddq_N = -k_d dq - k_s q."""
@@ -267,18 +221,6 @@ def test_a_law_of_first_order_has_no_scheme(name):
         UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"
     ):
         make_scheme(name)
-
-
-@pytest.mark.parametrize('damping', [-1.0, np.nan, np.inf])
-def test_damping_outside_its_declared_range_is_refused(damping):
-    with pytest.raises(RangeError, match=f'damping is {damping}'):
-        make_scheme('minimum_torque', damping)
-
-
-@pytest.mark.parametrize('period', [0.0, -0.001, 1e-6, 2.0, np.nan])
-def test_a_sampling_time_outside_its_range_is_refused(period, model):
-    with pytest.raises(RangeError, match=f'T is {period}'):
-        SecondOrderController(model, make_scheme('minimum_torque'), period)
 
 
 # --- what the schemes ask of the model ------------------------------------------------------------

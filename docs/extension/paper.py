@@ -1,56 +1,41 @@
-"""The claims that are measured, and what came of the latest `redres reproduce`."""
+"""The claims that are measured, and what came of the latest run."""
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from sphinx.errors import ExtensionError
 
 from extension.markdown import plain, table
-from redres_ros.paper.claims import CLAIMS, Claim
-from redres_ros.paper.claims.claim import ASSUMPTION, CONTACT, PAPER, PUBLISHED
-from redres_ros.paper.contact.claims import CONTACT_CLAIMS
+from redres_ros.paper.claims import CLAIMS
+from redres_ros.paper.claims.claim import ASSUMPTION, PAPER
 
 DOCS = Path(__file__).resolve().parents[1]
-SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION, 'published': PUBLISHED, 'contact': CONTACT}
-
-Result = dict[str, str]  # a row of the file
+SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION}
 
 
 def claims(source: str) -> Iterator[str]:
-    """The table of claims of one source, in our words, with what was measured."""
-    every = CONTACT_CLAIMS if source == 'contact' else CLAIMS
-    # copied from the output of `redres reproduce`
-    file = DOCS / ('contact.csv' if source == 'contact' else 'claims.csv')
-    found = {(row['section'], row['claim']): row for row in _results(file, every)}
-    wanted = [claim for claim in every if claim.source == SOURCES[source]]
-    results = [(claim, found.get((claim.section, claim.says))) for claim in wanted]
-    measured = [result for _, result in results if result]
-    held = sum(result['held'] == 'yes' for result in measured)
-    yield f'{held} of {len(measured)} held.'
+    """The table of the paper's claims, of our readings of it, or of those on contact."""
+    if source == 'contact':  # written by docs/make_contact.py
+        rows = _rows(DOCS / 'contact.csv')
+    else:  # copied from the output of `redres reproduce`
+        says = {(claim.section, claim.says): claim.source for claim in CLAIMS}
+        every = _rows(DOCS / 'claims.csv')
+        stale = {(row['section'], row['claim']) for row in every} - set(says)
+        if stale:
+            raise ExtensionError(f'docs/claims.csv is of an older run; no such claims: {stale}')
+        rows = [row for row in every if says[row['section'], row['claim']] == SOURCES[source]]
+    yield f'{sum(row["held"] == "yes" for row in rows)} of {len(rows)} held.'
     yield ''
-    yield from table(('section', 'claim', 'held?', 'measured'), [_row(*each) for each in results])
+    yield from table(('section', 'claim', 'held?', 'measured'), list(map(_cells, rows)))
 
 
-def _results(path: Path, claims: Iterable[Claim]) -> list[Result]:
-    """What was measured, one row a claim.
-
-    Args:
-        path: Of the file.
-        claims: That it may hold.
-    """
+def _rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding='utf-8', newline='') as file:
-        results = list(csv.DictReader(file))
-    stale = {row['claim'] for row in results} - {claim.says for claim in claims}
-    if stale:
-        raise ExtensionError(f'{path} is of an older run; no such claim: {", ".join(stale)}')
-    return results
+        return list(csv.DictReader(file))
 
 
-def _row(claim: Claim, result: Result | None) -> tuple[str, ...]:
-    """A claim, with what was measured if it was."""
-    if result is None:
-        return plain(claim.section), plain(claim.says), '–', ''
-    held = 'held' if result['held'] == 'yes' else '**not held**'
-    measured = '; '.join(filter(None, (result['measured'], result['remark'])))
-    return plain(claim.section), plain(claim.says), held, plain(measured)
+def _cells(row: dict[str, str]) -> tuple[str, ...]:
+    held = 'held' if row['held'] == 'yes' else '**not held**'
+    measured = '; '.join(filter(None, (row['measured'], row['remark'])))
+    return plain(row['section']), plain(row['claim']), held, plain(measured)

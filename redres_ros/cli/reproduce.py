@@ -1,49 +1,23 @@
-"""`redres reproduce`: the paper's figures and claims, and those on contact."""
+"""`redres reproduce`: the paper's figures and claims."""
 
 import argparse
 from importlib import import_module
 from typing import Any
 
 from redres_ros.cli.options import add_out
-from redres_ros.cli.parser import add_command, option
+from redres_ros.cli.parser import add_command
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
     reproduce = add_command(
-        commands,
-        'reproduce',
-        "the paper's figures and claims, without ROS",
-        '--out figures',
-        'contact # what the package promises about contact',
+        commands, 'reproduce', "the paper's figures and claims, without ROS", '--out figures'
     )
-    what = "the paper's claims, or those of this package on contact"
-    option(reproduce, 'what', None, what, 'paper', nargs='?', choices=('paper', 'contact'))
     add_out(reproduce, 'redres_reproduce', 'figures and table')
     reproduce.set_defaults(run=_reproduce)
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    return _reproduce_contact(options) if options.what == 'contact' else _reproduce_paper(options)
-
-
-def _reproduce_contact(options: argparse.Namespace) -> int:
-    from redres_ros.cli.files import made
-    from redres_ros.paper.claims import check_all, table, write_csv
-    from redres_ros.paper.contact.claims import CONTACT_CLAIMS
-    from redres_ros.paper.runs import Runs
-    from redres_ros.simulation.report import progress_bar
-
-    out = made(options.out, 'contact.csv')
-    with progress_bar('claims') as progress:
-        findings = check_all(CONTACT_CLAIMS, Runs(), progress)
-    write_csv(findings, out / 'contact.csv')
-    print(table(findings))
-    print(f'table {out}/contact.csv')
-    return 0
-
-
-def _reproduce_paper(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made
     from redres_ros.paper.claims import CLAIMS, check_all, table, write_csv
     from redres_ros.paper.figures import draw_all

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
+from redres_ros.types import JointPositions, Seconds, TaskVelocity, Times
 
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
@@ -51,25 +51,14 @@ class Difference:
 def difference(
     law_name: str,
     damping: float,
-    T: float,
+    T: Seconds,
     task: WaypointTask,
     *,
     model: RobotModel | None = None,
     preference: Preference | None = None,
 ) -> Difference:
-    """The task executed by a law and by its scheme, each in its own closed loop.
-
-    Args:
-        law_name: Name of a law in LAWS.
-        damping: k_d [1/s].
-        T: Sampling time [s].
-        task: What both execute.
-        model: Model of the arm; None for the task's with the equal links of Section 5.2.
-        preference: Preference of both, Eqs. (18) and (19).
-
-    Raises:
-        UnknownNameError: The law has no yardstick.
-        RangeError: Damping or T is not allowed.
+    """The task executed by a law and by its scheme, each in its own closed loop, both with the
+    damping k_d [1/s] and the preference. Raises UnknownNameError for a law without yardstick.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = yardstick(law_name, damping, T, preference)
@@ -84,58 +73,60 @@ def difference(
 
 
 def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
-    """|dq_I - dq_II|, sample by sample as long as there are both, (N,) [rad/s].
-
-    Args:
-        dq_I: Joint velocities, (N_I, n) [rad/s].
-        dq_II: Others, (N_II, n) [rad/s].
-    """
+    """|dq_I - dq_II| of rows (N_I, n) and (N_II, n), as long as there are both, (N,) [rad/s]."""
     both = min(len(dq_I), len(dq_II))
     return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
 
 
 def yardstick(
-    law_name: str, damping: float, T: float, preference: Preference | None = None
+    law_name: str, damping: float, T: Seconds, preference: Preference | None = None
 ) -> Scheme:
-    """The scheme of second order that a law is compared with.
+    """The scheme of second order that a law is compared with. Raises UnknownNameError.
 
     minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes
     for k_d = 1/T (Appendix B), whatever its damping. minimum_kinetic_energy is of first order, too,
     and has no scheme in the paper.
-
-    Args:
-        law_name: Name of a law in LAWS.
-        damping: k_d [1/s].
-        T: Sampling time [s].
-        preference: A further preferred acceleration.
-
-    Raises:
-        UnknownNameError: There is none.
-        RangeError: The damping is not allowed.
     """
     if law_name == 'minimum_velocity':
         return make_scheme('minimum_acceleration', 1.0 / T, preference)
     return make_scheme(law_name, damping, preference)
 
 
+class _Accompanied:
+    """A controller, and at every tick the difference from the command of a scheme with the same
+    past.
+    """
+
+    def __init__(self, controller: Controller, scheme: Scheme) -> None:
+        self.model = controller.model
+        self.T = controller.T
+        self.m = controller.m
+        self._controller = controller
+        self._scheme = scheme
+        self._J_prev = np.zeros((3, self.model.n))
+        self._dx_prev = np.zeros(3)
+        self.differences: list[float] = []  # [rad/s], one a tick
+
+    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
+        command = self._controller.update(q, dx)
+        dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
+        self.differences.append(float(np.linalg.norm(command.dq - dq)))
+        self._J_prev = command.J
+        self._dx_prev = dx
+        return command
+
+
 @dataclass(frozen=True)
 class Convergence:
-    """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and
-    |dq_k - dq(t_k)|.
-
-    A law holds dq_k from t_k to t_{k+1}, so up to T ddq of dq_errors is only a shift in time. Where
-    gravity enters the null space at the start, the first tick alone makes dq_errors exactly
-    proportional to T. Then q_errors say more.
+    """Largest distance |q_k - q(t_k)| of a sampled law from its scheme in continuous time.
 
     Attributes:
         periods: Sampling times, (p,) [s].
         q_errors: (p,) [rad].
-        dq_errors: (p,) [rad/s].
     """
 
     periods: np.ndarray
     q_errors: np.ndarray
-    dq_errors: np.ndarray
 
     @property
     def q_order(self) -> float:
@@ -151,18 +142,8 @@ def convergence(
     *,
     model: RobotModel | None = None,
 ) -> Convergence:
-    """A law at several sampling times beside its scheme in continuous time, on the first segment.
-
-    Args:
-        law_name: Name of a law in LAWS.
-        damping: k_d [1/s]. It is the same at every sampling time.
-        task: Its first segment has to be over in time at every sampling time.
-        periods: Sampling times [s].
-        model: Model of the arm; None for the task's with the equal links of Section 5.2.
-
-    Raises:
-        UnknownNameError: The law has no scheme of second order.
-        RangeError: Damping or a sampling time is not allowed.
+    """A law at several sampling times [s] beside its scheme in continuous time, on the first
+    segment, which has to be over in time at each. Raises UnknownNameError for a law without scheme.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = make_scheme(law_name, damping)
@@ -172,39 +153,23 @@ def convergence(
     for T in periods:
         sampled = run(Controller(model, law, T), segment)
         watched = sampled['t'] <= task.segment_time
-        exact = integrate(scheme, model, segment, sampled['t'][watched])
-        q_error = np.linalg.norm(sampled.vectors('q1')[watched] - exact.q, axis=1)  # (ticks,)
-        dq_error = np.linalg.norm(sampled.vectors('dq1')[watched] - exact.dq, axis=1)
-        errors.append((q_error.max(), dq_error.max()))
-    return Convergence(np.array(periods), *np.transpose(errors))
+        q = integrate(scheme, model, segment, sampled['t'][watched])
+        errors.append(np.linalg.norm(sampled.vectors('q1')[watched] - q, axis=1).max())
+    return Convergence(np.array(periods), np.array(errors))
 
 
 class LostMotionError(RedresError):
     """A continuous motion that cannot be followed to its end."""
 
 
-class ContinuousMotion(NamedTuple):
-    """A motion in continuous time, at chosen times: q (N, n) [rad] and dq (N, n) [rad/s]."""
-
-    q: np.ndarray
-    dq: np.ndarray
-
-
-def integrate(
-    scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray
-) -> ContinuousMotion:
-    """The task as a scheme executes it with dJ dq and ddx known exactly.
+def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: Times) -> np.ndarray:
+    """q (N, n) [rad] at ascending times, as a scheme executes the task with dJ dq and ddx known
+    exactly.
 
     Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
     = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
     if the motion begins with it: if the start misses x_0, the arm starts with the least velocity
     that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
-
-    Args:
-        scheme: Scheme of second order.
-        model: Model of the arm.
-        task: Its segments take exactly T_AB.
-        t: Ascending times up to the task's end, (N,) [s].
 
     Raises:
         RangeError: A time is outside the task.
@@ -214,11 +179,13 @@ def integrate(
     from scipy.integrate import solve_ivp  # an extra, which takes a while to load
 
     T_AB = task.segment_time
-    T_end = task.segments * task.segment_time
+    T_end = task.segments * T_AB
     if not 0.0 <= t[0] <= t[-1] <= T_end:
         raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
     segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
-    y = _start(scheme, model, task)
+    start = model.state(task.start, np.zeros(model.n))
+    dx = Planner(task).reference(start.x, 0.0).dx
+    y = np.concatenate((start.q, scheme.pseudoinverse(start) @ dx))  # (q, dq), (2n,)
     rows: list[np.ndarray] = []  # (2n,), N of it
     for segment in range(segment_of[-1] + 1):
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
@@ -232,14 +199,7 @@ def integrate(
             )
         *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
         rows += within
-    return ContinuousMotion(*np.split(np.array(rows), 2, axis=1))
-
-
-def _start(scheme: Scheme, model: RobotModel, task: WaypointTask) -> np.ndarray:
-    """(q, dq) at t = 0, (2n,)."""
-    state = model.state(task.start, np.zeros(model.n))
-    dx = Planner(task).reference(state.x, 0.0).dx
-    return np.concatenate((state.q, scheme.pseudoinverse(state) @ dx))
+    return np.array(rows)[:, : model.n]
 
 
 def _flow(
@@ -259,38 +219,9 @@ def _flow(
         xi = t / T_AB - segment
         state = model.state(q, dq)
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
-        ddx_d = (B - A) / T_AB**2 * _ddquintic(xi)
+        ddx_d = (B - A) / T_AB**2 * (60.0 * xi * (1.0 + xi * (2.0 * xi - 3.0)))
         ddx = ddx_d + task.feedback_gain * (dx_d - state.J[:3] @ dq)  # derivative of Eq. (37)
         dJ_dq = model.velocity_product(q, dq)[:3]
         return np.concatenate((dq, scheme.acceleration(model, state, ddx, dJ_dq)))
 
     return flow
-
-
-def _ddquintic(xi: float) -> float:
-    """Second derivative of s(xi), Eq. (36)."""
-    return 60.0 * xi * (1.0 + xi * (2.0 * xi - 3.0))
-
-
-class _Accompanied:
-    """A controller, and at every tick the difference from the command of a scheme with the same
-    past.
-    """
-
-    def __init__(self, controller: Controller, scheme: Scheme) -> None:
-        self.model = controller.model
-        self.T = controller.T
-        self.m = controller.m
-        self._controller = controller
-        self._scheme = scheme
-        self._J_prev = np.zeros((3, self.model.n))
-        self._dx_prev = np.zeros(3)
-        self.differences: list[float] = []  # [rad/s], one a tick
-
-    def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        command = self._controller.update(q, dx)
-        dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
-        self.differences.append(float(np.linalg.norm(command.dq - dq)))
-        self._J_prev = command.J
-        self._dx_prev = dx
-        return command

@@ -1,5 +1,5 @@
 """The paper's experiment without ROS: controller and planner at the fake robot with its simulated
-arm.
+arm, and what measured positions show of the motion.
 """
 
 from dataclasses import dataclass, field
@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from redres_ros.command import Command, norms
+from redres_ros.errors import ArrayError
 from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.session import Session
-from redres_ros.paper.savgol import LEFT_OUT, MeasuredMotion, differentiate
 from redres_ros.planning.planner import Planner, Reference
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm
@@ -22,14 +22,18 @@ from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import PATIENCE, Client
 from redres_ros.simulation.recording import MotionRecorder, Recording
 
-# [s] for which the arm is still watched once the task is over or the robot has stopped
-AFTERMATH = 1.0
+AFTERMATH = 1.0  # [s] for which the arm is still watched after the task or the robot's stop
+WINDOW = 400  # W, samples of the filter that differentiates
+FINER = 100  # one that shows events of a tenth of a second
 
+_DEGREE = 5
+_LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 # An assumption: KUKA publishes neither. FRI sends positions as numbers of 32 bits, whose last digit
 # is 2.4e-7 rad beyond 2 rad.
 _STEP = 2.4e-7
 _NOISE = 1e-5
 _LATE = 0.05
+_NO_STOP = ValidatorSettings(acceleration_scale=100.0)  # far beyond what any law commands
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,8 @@ class Sensing:
 
     Attributes:
         faults: Faults of the encoders, which act on the controller too.
-        recorded_late: Chance of a joint's position to be that before, in the recording alone: the
-            robot's own cycle is not disturbed by its recorder.
+        recorded_late: Chance of a joint's position to be that before, in the recording alone.
         phase: Time from the first state to the start of the task [cycles].
-        seed: Random seed.
     """
 
     faults: Faults = field(default_factory=Faults)
@@ -51,14 +53,53 @@ class Sensing:
 
 
 def as_in_the_paper(seed: int) -> Sensing:
-    """Encoders and a recorder like those of Section 6, and a start between two states; each
-    experiment has a seed of its own.
+    """Encoders and a recorder like those of Section 6, and a start between two states.
 
     The paper names rounding, experiments that are not synchronised, and ROS, which does not
     guarantee that all joint positions are taken at the same time.
     """
     phase = float(np.random.default_rng(seed).uniform())
     return Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)
+
+
+@dataclass(frozen=True)
+class MeasuredMotion:
+    """What measured positions show of a motion: t (N,) [s]; q, dq and ddq (N, n), in rad and s."""
+
+    t: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+
+
+def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMotion:
+    """The motion of positions sampled from t = 0 on, by the Savitzky-Golay filter of the paper.
+
+    Each sample gets the derivatives of the polynomial of fifth degree that fits it and half a
+    window of samples on either side best. That is W + 1 samples: with an even number the estimates
+    would belong to instants half a cycle beside the samples. The first and last half window are
+    left out.
+
+    Args:
+        q: Measured positions, (N, n) [rad].
+        T: Sampling time [s].
+        window: W, an even number of samples.
+
+    Raises:
+        ArrayError: Fewer than W + 1 samples.
+    """
+    from scipy.signal import savgol_filter  # an extra, which takes a while to load
+
+    if len(q) <= window:
+        raise ArrayError(
+            f'{len(q)} positions; expected at least {window + 1} for the Savitzky-Golay filter'
+        )
+    inner = slice(window // 2, len(q) - window // 2)
+    dq, ddq = (
+        savgol_filter(q, window + 1, _DEGREE, deriv=order, delta=T, axis=0)[inner]
+        for order in (1, 2)
+    )
+    return MeasuredMotion(T * np.arange(len(q))[inner], q[inner], dq, ddq)
 
 
 @dataclass(frozen=True)
@@ -80,7 +121,7 @@ class Experiment:
     @cached_property
     def motion(self) -> MeasuredMotion:
         """The motion that the measured positions show through the paper's filter."""
-        return differentiate(self.q, self.recording.T)
+        return self.motion_through(WINDOW)
 
     def motion_through(self, window: int) -> MeasuredMotion:
         """The same through a filter with another window of samples. Raises ArrayError."""
@@ -93,7 +134,7 @@ def experiment(
     arm: Arm,
     *,
     sensing: Sensing | None = None,
-    guard: ValidatorSettings | None = None,
+    stops: bool = True,
 ) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
@@ -107,13 +148,13 @@ def experiment(
         task: Start and points.
         arm: The one that is simulated.
         sensing: How its positions are measured and recorded; None: exactly.
-        guard: When the robot stops; None: at the limits of the arm.
+        stops: Whether the robot stops at accelerations beyond its limits.
     """
     sensing = sensing or Sensing()
     plant = MujocoPlant(arm, client.T, task.start)
     robot = FakeRobot(
         FaultyPlant(plant, sensing.faults, sensing.seed),
-        CommandValidator(JointLimits.of(arm), client.T, guard),
+        CommandValidator(JointLimits.of(arm), client.T, None if stops else _NO_STOP),
         Session(client.T),
     )
     return _Run(client, task, robot, sensing).result()
@@ -123,7 +164,7 @@ def experiment(
 class VelocityDifference:
     """Norms of differences of joint velocities, (N,) [rad/s], of a law (I) and a scheme (II).
 
-    Args:
+    Attributes:
         t: (N,) [s].
         dq: Measured with the law, for scale.
         total: Commanded by the law, measured with the scheme: what the paper plots.
@@ -144,17 +185,12 @@ class VelocityDifference:
 
     @classmethod
     def between(cls, law: Experiment, scheme: Experiment) -> 'VelocityDifference':
-        """The difference of two experiments, while both were commanded.
-
-        Args:
-            law: The law's.
-            scheme: The scheme's.
-        """
+        """The difference of two experiments, while both were commanded."""
         commands = [each.recording.vectors('dq1') for each in (law, scheme)]
         ticks = min(len(dq) for dq in commands)
-        inner = slice(LEFT_OUT, ticks - LEFT_OUT)
+        inner = slice(_LEFT_OUT, ticks - _LEFT_OUT)
         dq_I, dq_II = (dq[inner] for dq in commands)
-        measured_I, measured_II = (each.motion.dq[: ticks - 2 * LEFT_OUT] for each in (law, scheme))
+        measured_I, measured_II = (each.motion.dq[: len(dq_I)] for each in (law, scheme))
         smooth_II = _as_measured(scheme, ticks)
         return cls(
             law.motion.t[: len(dq_I)],
@@ -167,6 +203,14 @@ class VelocityDifference:
         )
 
 
+def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
+    """The commanded velocities as the filter shows them, (N, n) [rad/s]."""
+    T = tried.recording.T
+    steps = T * tried.recording.vectors('dq1')[: ticks - 1]  # (ticks - 1, n) [rad]
+    q = np.vstack((tried.q[:1], tried.q[0] + np.cumsum(steps, axis=0)))
+    return differentiate(q, T).dq
+
+
 class _Run:
     """One client at one robot."""
 
@@ -176,26 +220,30 @@ class _Run:
         self._client = client
         self._task = task
         self._robot = robot
+        self._late = sensing.recorded_late
+        self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders
         self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
         self._unachieved: np.ndarray | None = None  # (m,) [m/s] of the last command
         self._sent: ClientCommand | None = None  # for the state of the tick before
+        self._measured: list[np.ndarray] = []  # (n,) [rad] since the task began
+        self._shown: list[np.ndarray] = []  # the same as recorded, some of it a cycle late
         while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
         self._planner = Planner(task, client.model.tip(robot.q)[0])
-        self._recorder = _Recorder(sensing)  # since the task began
 
     def result(self) -> Experiment:
         recording = self._follow()
         for _ in range(round(AFTERMATH / self._client.T)):
             if self._robot.session.reason:
-                self._mirror()
+                self._record()
+                self._advance(self._robot.q)
             else:
                 self._command(self._reference())
-        return Experiment(recording, self._robot.session.reason, self._recorder.positions)
+        return Experiment(recording, self._robot.session.reason, np.array(self._shown))
 
     @property
     def _t(self) -> float:
-        return len(self._recorder) * self._client.T
+        return len(self._shown) * self._client.T
 
     def _follow(self) -> Recording:
         """Run until the task is finished, the robot has stopped, or it took too long."""
@@ -220,58 +268,22 @@ class _Run:
         command = self._client.update(self._robot.q, reference.dx)
         self._ahead -= (1.0 - command.s) * self._client.T
         self._unachieved = command.unachieved
-        self._recorder.add(self._robot.q)
+        self._record()
         self._advance(command.q_ref)
         return command
 
-    def _mirror(self) -> None:
-        """A cycle with the measured position as reference."""
-        self._recorder.add(self._robot.q)
-        self._advance(self._robot.q)
+    def _record(self) -> None:
+        """Record the measured positions, some of them a cycle late."""
+        q = self._robot.q.copy()
+        shown = q.copy()
+        if self._late and self._measured:
+            late = self._random.random(len(q)) < self._late
+            shown[late] = self._measured[-1][late]
+        self._measured.append(q)
+        self._shown.append(shown)
 
     def _advance(self, q_ref: np.ndarray) -> None:
-        """A cycle: the robot goes on by the last command; q_ref (n,) [rad] is that for its present
-        state.
-        """
+        """A cycle: the robot goes on by the last command; q_ref is that for its present state."""
         command = self._sent
         self._sent = ClientCommand(self._robot.tick, q_ref)
         self._robot.advance(command)
-
-
-class _Recorder:
-    """Records joint positions, one row a cycle, some of them a cycle late.
-
-    Args:
-        sensing: How the positions are recorded.
-    """
-
-    def __init__(self, sensing: Sensing) -> None:
-        self._late = sensing.recorded_late
-        self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders
-        self._rows: list[np.ndarray] = []  # (n,) [rad] each
-        self._last: np.ndarray | None = None  # (n,) [rad]
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def add(self, q: np.ndarray) -> None:
-        """Record joint positions q (n,) [rad]."""
-        row = q.copy()
-        if self._late and self._last is not None:
-            late = self._random.random(len(q)) < self._late
-            row[late] = self._last[late]
-        self._rows.append(row)
-        self._last = q.copy()
-
-    @property
-    def positions(self) -> np.ndarray:
-        """All rows, (N, n) [rad]."""
-        return np.array(self._rows)
-
-
-def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
-    """The commanded velocities as the filter shows them, (N, n) [rad/s]."""
-    T = tried.recording.T
-    steps = T * tried.recording.vectors('dq1')[: ticks - 1]  # (ticks - 1, n) [rad]
-    q = np.vstack((tried.q[:1], tried.q[0] + np.cumsum(steps, axis=0)))
-    return differentiate(q, T).dq

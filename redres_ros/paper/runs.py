@@ -3,23 +3,14 @@
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from redres_ros.controller import Controller
-from redres_ros.fake_robot.command_validator import ValidatorSettings
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, Difference, convergence, difference
+from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, convergence, difference
 from redres_ros.paper.experiment import Experiment, VelocityDifference, as_in_the_paper, experiment
-from redres_ros.paper.saturation import (
-    LWR,
-    LWR_DAMPED,
-    PLANAR,
-    PLANAR_CHOICES,
-    Benchmark,
-    run_benchmark,
-)
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.preferences import JointCentering, Preference
@@ -29,28 +20,22 @@ from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording
 
-SIMULATION_T = 0.001
-_EXPERIMENT_T = 0.002  # [s]
-SIMULATION_DAMPING = 10.0
-_EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
+SIMULATION_T = 0.001  # [s]
+SIMULATION_DAMPING = 10.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
 EXPERIMENT_DYNAMICS = 'identified'  # of arm and controller alike
-_JOINT_LIMITS = ('position', 'velocity', 'acceleration')
-TORQUE_SCALE = 0.2  # fraction of the torque limits that is allowed where they are shown
 PREFERENCE = JointCentering(gain=400.0)  # with which law (19) and scheme (18) are compared
-
 TORQUE_LAWS = ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
 CONVERGING_LAWS = ('minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent')
 
-_NO_STOP = ValidatorSettings(acceleration_scale=100.0)  # far beyond what any law commands
+_EXPERIMENT_T = 0.002  # [s]
+_EXPERIMENT_DAMPING = 5.0  # k_d [1/s]
 
 
 class Runs(dict[str, Any]):
     """Results by the names of RUNS; each is computed when first asked for, and kept.
 
-    Args:
-        task: The paper's, unless another is given.
-        reversed_task: The same in reverse order.
+    The tasks are the paper's unless others are given.
     """
 
     def __init__(
@@ -63,41 +48,31 @@ class Runs(dict[str, Any]):
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
     def __missing__(self, name: str) -> Any:
-        self[name] = RUNS[name].run(self)
+        self[name] = RUNS[name](self)
         return self[name]
 
     def prepare(self, progress: Callable[[float], None]) -> None:
-        """Run everything on all processors, the longest runs first; progress receives the completed
-        fraction.
-        """
-        names = sorted(RUNS, key=lambda name: RUNS[name].seconds, reverse=True)
+        """Run everything on all processors; progress receives the completed fraction."""
 
         def compute(name: str) -> Any:
             return self[name]
 
-        self.update(zip(names, in_parallel(compute, names, progress), strict=True))
+        self.update(zip(RUNS, in_parallel(compute, list(RUNS), progress), strict=True))
 
     def difference(self, law: str, scheme: str) -> VelocityDifference:
-        """The difference of two experiments.
-
-        Args:
-            law: Name of the law's run.
-            scheme: Name of the run of the scheme of second order.
-        """
+        """The difference of two experiments by their names."""
         return VelocityDifference.between(self[law], self[scheme])
 
 
 @dataclass(frozen=True)
-class Setup:
+class _Setup:
     """A law on the paper's task, or the scheme of second order that the law comes from.
 
-    Args:
+    Attributes:
         equation: The paper's number of it.
-        law: Name of a law in LAWS.
         damping: k_d [1/s]; None for a law that has none.
         is_scheme: The scheme runs, not the law.
         is_reversed: The points are in reverse order.
-        T: Sampling time [s].
     """
 
     equation: str
@@ -121,19 +96,20 @@ class Setup:
         """What is executed."""
         return runs.reversed_task if self.is_reversed else runs.task
 
-    def _client(self, model: RobotModel, **options: Any) -> Client:
-        """What responds to the robot's states; the options are of a Controller."""
+    def _client(self, model: RobotModel, switch_time: float = 0.0) -> Client:
+        """What responds to the robot's states."""
         damping = self.damping or 0.0
         if self.is_scheme:
             return SecondOrderController(model, make_scheme(self.law, damping), self.T)
-        return Controller(model, make_law(self.law, damping=damping), self.T, **options)
+        law = make_law(self.law, damping=damping)
+        return Controller(model, law, self.T, switch_time=switch_time)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulation(Setup):
+class Simulation(_Setup):
     """Section 5: an ideal arm.
 
-    Args:
+    Attributes:
         dynamics: Dynamics of the model.
         rounds: How often the task is executed.
         switching: When the next segment begins, WaypointTask.switching.
@@ -143,84 +119,43 @@ class Simulation(Setup):
     rounds: int = 1
     switching: str = 'at_rest'
 
-    @property
-    def seconds(self) -> float:
-        """Processor time, roughly."""
-        return 0.001 * self.rounds / self.T
-
-    def run(self, runs: Runs) -> Recording:
+    def __call__(self, runs: Runs) -> Recording:
         """The motion, until the last point is reached."""
         task = self.task(runs)
         points = np.vstack([task.waypoints] * self.rounds)
         task = replace(task, waypoints=points, switching=self.switching)
-        model = RobotModel.named(task.robot, dynamics=self.dynamics)
-        return run(self._client(model), task)
+        return run(self._client(RobotModel.named(task.robot, dynamics=self.dynamics)), task)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotRun(Setup):
+class RobotRun(_Setup):
     """Section 6: the arm behind the fake robot.
 
-    Args:
+    Attributes:
         seed: Seed of the noise and of the start.
         switch_time: Over which the start is blended [s]. A scheme of second order starts at once,
             so a law that is compared with one does so too.
-        limits: Names in LIMITS that the law keeps.
-        torque_scale: Factor on the torque limits.
         stops: Whether the robot stops at accelerations beyond its limits.
     """
 
     seed: int
     switch_time: float = SWITCH_TIME
-    limits: tuple[str, ...] = ()
-    torque_scale: float = 1.0
     stops: bool = True
-
     T: float = _EXPERIMENT_T
-    seconds: ClassVar[float] = 2.0
 
-    def run(self, runs: Runs) -> Experiment:
+    def __call__(self, runs: Runs) -> Experiment:
         """The motion, until the last point is reached or the robot stops."""
-        client = self._client(
-            runs.experiment_model,
-            switch_time=self.switch_time,
-            limits=self.limits,
-            torque_scale=self.torque_scale,
-        )
         return experiment(
-            client,
+            self._client(runs.experiment_model, self.switch_time),
             self.task(runs),
             find_arm(runs.task.robot, dynamics=EXPERIMENT_DYNAMICS),
             sensing=as_in_the_paper(self.seed),
-            guard=None if self.stops else _NO_STOP,
+            stops=self.stops,
         )
 
 
-@dataclass(frozen=True)
-class Computation:
-    """Anything else.
-
-    Args:
-        compute: The result for the tasks and arms of the runs.
-        seconds: Processor time, roughly.
-    """
-
-    compute: Callable[[Runs], Any]
-    seconds: float
-
-    def run(self, runs: Runs) -> Any:
-        """The result."""
-        return self.compute(runs)
-
-
 def title(number: int, name: str, scheme: str = '') -> str:
-    """The title of a run's figure, or of a law's run beside a scheme's.
-
-    Args:
-        number: Number in the paper, or beyond the paper's last.
-        name: Name of the run.
-        scheme: Name of the run of the scheme.
-    """
+    """The title of a run's figure, or of a law's run beside that of a scheme."""
     run = MOTIONS[name]
     kind = 'Simulation' if isinstance(run, Simulation) else 'Experiment'
     other = f' and scheme ({MOTIONS[scheme].equation})' if scheme else ''
@@ -229,13 +164,7 @@ def title(number: int, name: str, scheme: str = '') -> str:
 
 
 def two_rounds(law: str, damping: float, dynamics: str) -> str:
-    """The name of a run of two rounds of the rectangle.
-
-    Args:
-        law: Name of a law in LAWS.
-        damping: k_d [1/s].
-        dynamics: Dynamics of the model.
-    """
+    """The name of a run of two rounds of the rectangle."""
     return f'two_rounds_{dynamics}_{law}_{damping:g}'
 
 
@@ -244,24 +173,19 @@ def _difference(
     damping: float = SIMULATION_DAMPING,
     dynamics: str = SIMULATION_DYNAMICS,
     preference: Preference | None = None,
-) -> Computation:
+) -> Callable[[Runs], Any]:
     """A law beside its scheme, both with the same damping [1/s] and preference."""
 
-    def compute(runs: Runs) -> Difference:
+    def compute(runs: Runs) -> Any:
         model = RobotModel.named(runs.task.robot, dynamics=dynamics)
         return difference(law, damping, SIMULATION_T, runs.task, model=model, preference=preference)
 
-    return Computation(compute, seconds=4.0)
+    return compute
 
 
-def _convergence(law: str) -> Computation:
+def _convergence(law: str) -> Callable[[Runs], Any]:
     """A law at several sampling times beside its scheme in continuous time, first segment."""
-    return Computation(lambda runs: convergence(law, SIMULATION_DAMPING, runs.task), seconds=3.0)
-
-
-def _published(benchmark: Benchmark) -> Computation:
-    """A motion published by others, under one of our laws."""
-    return Computation(lambda _: run_benchmark(benchmark), seconds=benchmark.seconds / 4.0)
+    return lambda runs: convergence(law, SIMULATION_DAMPING, runs.task)
 
 
 _LEAST_VELOCITY = RobotRun('2', 'minimum_velocity', seed=1)
@@ -293,11 +217,6 @@ MOTIONS: dict[str, Simulation | RobotRun] = {
     'measured_35_forward': _CONSISTENT,
     'measured_35_at_once': replace(_CONSISTENT, is_reversed=True, switch_time=0.0, seed=7),
     'measured_29': replace(_CONSISTENT, equation='29', is_scheme=True, is_reversed=True, seed=8),
-    # Not in the paper:
-    'within_limits': replace(_LEAST_VELOCITY, limits=_JOINT_LIMITS),
-    'within_torques': replace(
-        _LEAST_VELOCITY, limits=(*_JOINT_LIMITS, 'torque'), torque_scale=TORQUE_SCALE
-    ),
     # Longer tasks, of which Section 4.1 speaks:
     **{
         two_rounds(law, *rest): Simulation(equation, law, rest[0], dynamics=rest[1], rounds=2)
@@ -306,18 +225,11 @@ MOTIONS: dict[str, Simulation | RobotRun] = {
     },
 }
 
-COMPUTATIONS: dict[str, Computation] = {
-    # Laws beside their schemes:
+RUNS: dict[str, Callable[[Runs], Any]] = {
     'difference_15': _difference('minimum_acceleration', damping=0.0),
     'difference_19': _difference('minimum_acceleration', preference=PREFERENCE),
     'difference_2': _difference('minimum_velocity'),
     **{f'difference_{law}': _difference(law, dynamics=EXPERIMENT_DYNAMICS) for law in TORQUE_LAWS},
     **{f'convergence_{law}': _convergence(law) for law in CONVERGING_LAWS},
-    # What others published, and how much it depends on our choices:
-    'published_lwr': _published(LWR),
-    'published_lwr_damped': _published(LWR_DAMPED),
-    'published_planar': _published(PLANAR),
-    **{f'published_{name}': _published(benchmark) for name, benchmark in PLANAR_CHOICES.items()},
+    **MOTIONS,
 }
-
-RUNS: dict[str, Simulation | RobotRun | Computation] = {**MOTIONS, **COMPUTATIONS}

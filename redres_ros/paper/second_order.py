@@ -19,19 +19,23 @@ from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Solution, Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.types import (
+    JointAccelerations,
+    JointPositions,
+    JointTorques,
+    JointVelocities,
+    Seconds,
+    TaskVelocity,
+)
 from redres_ros.vectors import finite_vector
 
 
 @dataclass(frozen=True)
 class Scheme(ABC):
     """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4),
-    the best in a norm.
+    the best in a norm. Its dq is state.dq_prev, Eq. (10).
 
-    Its dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with
-    `param`, are its gains.
-
-    Args:
-        damping: k_d [1/s].
+    Attributes:
         preference: A further preferred acceleration.
     """
 
@@ -44,15 +48,8 @@ class Scheme(ABC):
     @abstractmethod
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
-    ) -> np.ndarray:
-        """ddq, (n,) [rad/s^2], for a task acceleration.
-
-        Args:
-            model: Model of the arm.
-            state: State of the arm at this tick.
-            ddx: Task acceleration, (m,) [m/s^2].
-            dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
-        """
+    ) -> JointAccelerations:
+        """ddq for a task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq."""
 
     def metric(self, state: RobotState) -> Weight:
         """W, in which the scheme chooses among the ddq; None for the identity."""
@@ -62,10 +59,8 @@ class Scheme(ABC):
         """J_W^#, (n, m), in that metric."""
         return _pseudoinverse(state.J[:3])
 
-    def preferred(self, state: RobotState) -> np.ndarray:
-        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), and the
-        preference.
-        """
+    def preferred(self, state: RobotState) -> JointAccelerations:
+        """ddq_N of Eq. (18): null-space damping -k_d dq, Eq. (21), and the preference."""
         ddq_N = -self.damping * state.dq_prev
         return ddq_N if self.preference is None else ddq_N + self.preference.acceleration(state)
 
@@ -78,7 +73,7 @@ class MinimumAccelerationScheme(Scheme):
 
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
-    ) -> np.ndarray:
+    ) -> JointAccelerations:
         J_pinv = self.pseudoinverse(state)
         ddq_N = self.preferred(state)
         return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J[:3] @ ddq_N)  # Eq. (18)
@@ -94,18 +89,12 @@ class TorqueScheme(Scheme):
 
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
-    ) -> np.ndarray:
+    ) -> JointAccelerations:
         return model.acceleration(state.q, state.dq_prev, self.torque(state, ddx, dJ_dq))
 
     @abstractmethod
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        """tau, (n,) [Nm], for a task acceleration.
-
-        Args:
-            state: State of the arm at this tick.
-            ddx: Task acceleration, (m,) [m/s^2].
-            dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
-        """
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
+        """tau for a task acceleration; see acceleration()."""
 
 
 @dataclass(frozen=True)
@@ -114,13 +103,12 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
     Eq. (18).
     """
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
         J = state.J[:3]
         M = state.M
-        n = state.n
         J_pinv = self.pseudoinverse(state)
         ddq_N = self.preferred(state)
-        tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
+        tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, state.n)))  # Eq. (25)
         return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
 
 
@@ -128,12 +116,12 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
 class DynamicallyConsistentScheme(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
         J = state.J[:3]
         M = state.M
-        n = state.n
         tau_N = M @ self.preferred(state)  # Eq. (34)
-        force = _solve(J @ np.linalg.solve(M, J.T), ddx - dJ_dq + J @ np.linalg.solve(M, n))  # (m,)
+        drive = ddx - dJ_dq + J @ np.linalg.solve(M, state.n)  # (m,)
+        force = _solve(J @ np.linalg.solve(M, J.T), drive)  # (m,)
         JT_pinv = self.pseudoinverse(state).T  # Eq. (30), (m, n)
         return J.T @ force + tau_N - J.T @ (JT_pinv @ tau_N)  # Eq. (29)
 
@@ -155,7 +143,7 @@ class MinimumTorqueScheme(TorqueScheme):
     in the norm of M^2 is T |tau - tau_N|.
     """
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
         A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
         A_pinv = _pseudoinverse(A)
         tau_N = state.M @ self.preferred(state)
@@ -180,17 +168,7 @@ SCHEMES: dict[str, type[Scheme]] = {
 
 
 def make_scheme(name: str, damping: float = 10.0, preference: Preference | None = None) -> Scheme:
-    """The scheme that the law of that name was made from.
-
-    Args:
-        name: Name of the law.
-        damping: k_d [1/s].
-        preference: A further preferred acceleration.
-
-    Raises:
-        UnknownNameError: The law was made from none.
-        RangeError: The damping is not allowed.
-    """
+    """The scheme that the law of that name was made from. Raises UnknownNameError, RangeError."""
     if name not in SCHEMES:
         raise UnknownNameError('scheme of second order', name, SCHEMES)
     return SCHEMES[name](damping, preference)
@@ -198,47 +176,29 @@ def make_scheme(name: str, damping: float = 10.0, preference: Preference | None 
 
 class SecondOrderController:
     """Turns task velocities into joint velocities by a scheme of second order, sampled and
-    integrated.
-
-    Used like a Controller. Before the first update everything is at rest.
-
-    Args:
-        model: Model of the arm.
-        scheme: Scheme in force.
-        T: Sampling time [s].
-
-    Raises:
-        RangeError: T is not allowed.
+    integrated. Used like a Controller for a position task; before the first update all is at rest.
     """
 
-    def __init__(self, model: RobotModel, scheme: Scheme, T: float) -> None:
+    def __init__(self, model: RobotModel, scheme: Scheme, T: Seconds) -> None:
         if not 1e-5 <= T <= 1.0:
             raise RangeError('T', T, 1e-5, 1.0, 's')
         self.model = model
         self.scheme = scheme
         self.T = T
-        self.m = 3  # rows of dx: the schemes carry out a position task
+        self.m = 3
         self._last: Command | None = None
         self._dx_prev = np.zeros(3)
 
-    def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        """The command at a tick.
-
-        Args:
-            q: Joint positions, (n,) [rad].
-            dx: Task velocity, (m,) [m/s].
-
-        Raises:
-            ArrayError: One of them has another shape, or is not finite.
-            DivergedError: The joints would exceed SPEED_LIMIT.
-        """
+    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
+        """The command at a tick. Raises ArrayError, and DivergedError beyond SPEED_LIMIT."""
         dx = finite_vector(dx, 3, 'dx')
-        state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
-        J_prev = state.J[:3] if self._last is None else self._last.state.J[:3]
+        last = self._last
+        state = self.model.state(q, np.zeros(self.model.n) if last is None else last.dq)
+        J_prev = state.J[:3] if last is None else last.state.J[:3]
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
         if norm(dq) > SPEED_LIMIT:
             raise DivergedError(norm(dq), SPEED_LIMIT, 'the scheme')
-        q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
+        q_ref = (state.q if last is None else last.q_ref) + self.T * dq  # footnote 1
         W = self.scheme.metric(state)
         self._last = Command(Solution(dq, state.J[:3], dx, W=W), q_ref, state, self.T)
         self._dx_prev = dx
@@ -248,23 +208,13 @@ class SecondOrderController:
 def step(
     model: RobotModel,
     scheme: Scheme,
-    T: float,
+    T: Seconds,
     state: RobotState,
     J_prev: np.ndarray,
-    dx: np.ndarray,
-    dx_prev: np.ndarray,
-) -> np.ndarray:
-    """dq_k, (n,) [rad/s], by a scheme.
-
-    Args:
-        model: Model of the arm.
-        scheme: Scheme in force.
-        T: Sampling time [s].
-        state: (q_k, dq_{k-1}).
-        J_prev: J_{k-1}, (m, n).
-        dx: dx_k, (m,) [m/s].
-        dx_prev: dx_{k-1}, (m,) [m/s].
-    """
+    dx: TaskVelocity,
+    dx_prev: TaskVelocity,
+) -> JointVelocities:
+    """dq_k by a scheme, from the state (q_k, dq_{k-1}), J_{k-1}, dx_k and dx_{k-1}."""
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J[:3] - J_prev) / T  # Eq. (9)
     ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)

@@ -14,10 +14,9 @@ ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 
 PAPER = 'the paper'
 ASSUMPTION = 'our reading of the paper'
-PUBLISHED = "others' published figures"
-CONTACT = 'contact'
 
 _WIDTH = 118
+_INDENT = ' ' * 20
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence that can be measured.
+    """A sentence of `source` that can be measured.
 
     Attributes:
         section: Section of the paper, or an equation.
         says: The claim in our words.
-        measure: Finds out.
-        source: Who makes the claim.
     """
 
     section: str
@@ -55,13 +52,7 @@ class Claim:
 def claim(
     section: str, says: str, source: str = PAPER
 ) -> Callable[[Callable[[Runs], Finding]], Claim]:
-    """A decorator that makes a claim of the function that measures it.
-
-    Args:
-        section: Section of the paper, or an equation.
-        says: The claim in our words.
-        source: Who makes the claim.
-    """
+    """A decorator that makes a claim of the function that measures it."""
     return lambda measure: Claim(section, says, measure, source)
 
 
@@ -75,13 +66,7 @@ def same_velocities(largest: float) -> Finding:
 def check_all(
     claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None]
 ) -> dict[Claim, Finding]:
-    """The findings in the order of the claims, measured on all processors.
-
-    Args:
-        claims: What to measure.
-        runs: Runs to measure them on.
-        progress: Called with the fraction done, 0 to 1.
-    """
+    """The findings in the order of the claims; progress receives the completed fraction."""
     claims = list(claims)
 
     def measure(claim: Claim) -> Finding:
@@ -99,27 +84,16 @@ def table(findings: Mapping[Claim, Finding]) -> str:
             lines.append(f'{claim.source}:')
         held.setdefault(claim.source, []).append(finding.held)
         verdict = 'held' if finding.held else 'NOT HELD'
-        lines += textwrap.wrap(
-            f'{claim.section:<10}{verdict:<10}{claim.says}', _WIDTH, subsequent_indent=' ' * 20
-        )
+        heading = f'{claim.section:<10}{verdict:<10}{claim.says}'
+        lines += textwrap.wrap(heading, _WIDTH, subsequent_indent=_INDENT)
         for text in (finding.measured, finding.remark):
-            lines += textwrap.wrap(
-                text, _WIDTH, initial_indent=' ' * 20, subsequent_indent=' ' * 20
-            )
+            lines += textwrap.wrap(text, _WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT)
     lines += [f'{source}: {sum(all_)} of {len(all_)} claims held' for source, all_ in held.items()]
     return '\n'.join(lines)
 
 
 def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
-    """Write findings as CSV.
-
-    Args:
-        findings: Findings by claim.
-        path: Path of the file.
-
-    Raises:
-        FileError: It cannot be written.
-    """
+    """Write findings as CSV. Raises FileError."""
     with writing(path), path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
         writer.writerow(('section', 'claim', 'held', 'measured', 'remark'))

@@ -3,9 +3,14 @@
 import numpy as np
 
 from redres_ros.paper.claims.claim import Finding, claim
-from redres_ros.paper.experiment import VelocityDifference
+from redres_ros.paper.experiment import (
+    FINER,
+    WINDOW,
+    MeasuredMotion,
+    VelocityDifference,
+    differentiate,
+)
 from redres_ros.paper.runs import Runs
-from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion, differentiate
 from redres_ros.simulation.recording import Recording
 
 # fraction of the largest velocity up to which two experiments count as practically the same

@@ -6,14 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from redres_ros.paper.figures import (
-    architecture,
-    differences,
-    limits,
-    motions,
-    norms,
-    pictorial,
-)
+from redres_ros.paper.figures import differences, motions, norms, sketches
 from redres_ros.paper.runs import Runs
 from redres_ros.simulation.drawing import save
 from redres_ros.simulation.parallel import in_parallel
@@ -22,8 +15,8 @@ _ACCELERATION = ('joint_acceleration_norm', 'null_velocity_norm', 'joint_velocit
 _TORQUE = ('joint_torque_norm', 'joint_velocity_norm')
 
 FIGURES: dict[int, Callable[[Runs], Figure]] = {
-    1: architecture.figure_1,
-    2: pictorial.figure_2,
+    1: sketches.figure_1,
+    2: sketches.figure_2,
     3: partial(motions.draw, 3, 'simulated_23'),
     4: partial(norms.draw_simulated, 4, 'simulated_23', _ACCELERATION),
     5: partial(differences.draw_simulated, 5, 'simulated_23', 'simulated_22'),
@@ -38,23 +31,13 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
     14: partial(motions.draw, 14, 'measured_35'),
     15: partial(norms.draw_torques, 15, 'measured_35'),
     16: partial(differences.draw_measured, 16, 'measured_35_at_once', 'measured_29'),
-    # Beyond the paper:
-    17: limits.figure_17,
-    18: limits.figure_18,
-    19: differences.figure_19,
 }
 
 
 def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[int, Path]:
     """Write every figure as out/figure_NN.png, on all processors; the files by number.
 
-    Args:
-        out: The folder, which is made if need be.
-        progress: Receives the completed fraction.
-        runs: What to draw.
-
-    Raises:
-        RedresError: A file cannot be written.
+    Raises RedresError if a file cannot be written; progress receives the completed fraction.
     """
     files = {number: out / f'figure_{number:02d}.png' for number in FIGURES}
 
@@ -63,6 +46,3 @@ def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[i
 
     in_parallel(draw, list(FIGURES), progress)
     return files
-
-
-__all__ = ['FIGURES', 'draw_all']

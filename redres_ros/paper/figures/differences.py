@@ -1,13 +1,12 @@
-"""Figures 5, 8, 13, 16, and 19, which is not in the paper: how far the velocity laws (I) are from
-the schemes of second order (II) that they come from.
+"""Figures 5, 8, 13, 16: how far the velocity laws (I) are from the schemes of second order (II)
+that they come from.
 """
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros.paper.equivalence import velocity_difference
-from redres_ros.paper.runs import CONVERGING_LAWS, SIMULATION_DAMPING, Runs, title
-from redres_ros.simulation.colours import law_colour
+from redres_ros.paper.runs import Runs, title
 from redres_ros.simulation.drawing import legend_below
 
 _ROUNDING = 1e-17, 1e2  # of the axis [rad/s]: from below rounding to above any speed of the arm
@@ -17,28 +16,14 @@ _DIFFERENCE = r'$\Vert\dot q_{\mathrm{I}}-\dot q_{\mathrm{II}}\Vert$'
 
 
 def draw_simulated(number: int, law: str, scheme: str, runs: Runs) -> Figure:
-    """Two simulations, whose difference is rounding.
-
-    Args:
-        number: Number of the figure.
-        law: Name of the law's run.
-        scheme: Name of the scheme's run.
-        runs: Their results.
-    """
+    """Two simulations, whose difference is rounding."""
     dq_I, dq_II = (runs[name].vectors('dq1') for name in (law, scheme))
     curves = {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: velocity_difference(dq_I, dq_II)}
     return _draw(title(number, law, scheme), runs[law]['t'], curves, _ROUNDING)
 
 
 def draw_measured(number: int, law: str, scheme: str, runs: Runs) -> Figure:
-    """Two experiments: the paper's quantity, and what it consists of.
-
-    Args:
-        number: Number of the figure.
-        law: Name of the law's run.
-        scheme: Name of the scheme's run.
-        runs: Their results.
-    """
+    """Two experiments: the paper's quantity, and what it consists of."""
     found = runs.difference(law, scheme)
     curves = {
         _SCALE: found.dq,
@@ -48,29 +33,6 @@ def draw_measured(number: int, law: str, scheme: str, runs: Runs) -> Figure:
         f'{_DIFFERENCE}, both measured': found.measured,
     }
     return _draw(title(number, law, scheme), found.t, curves, _MEASURED)
-
-
-def figure_19(runs: Runs) -> Figure:
-    """Largest error over the first segment against the sampling time, on logarithmic scales."""
-    figure = Figure(figsize=(8.0, 6.0), layout='constrained')
-    ax = figure.add_subplot()
-    for law in CONVERGING_LAWS:
-        found = runs[f'convergence_{law}']
-        label = f'{law}: slope {found.q_order:.3f}'
-        ax.loglog(1e3 * found.periods, found.q_errors, 'o-', label=label, color=law_colour(law))
-    slope = 0.5 * found.q_errors[0] * found.periods / found.periods[0]
-    ax.loglog(1e3 * found.periods, slope, '--', color='0.6', label='slope 1')
-    ax.set_xticks(1e3 * found.periods, [f'{1e3 * T:g}' for T in found.periods], minor=False)
-    ax.minorticks_off()
-    ax.set(
-        xlabel='sampling time T [ms]',
-        ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',
-        title='Figure 19. Velocity laws against their schemes in continuous time,\n'
-        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} s$^{{-1}}$',
-    )
-    ax.grid(alpha=0.3)
-    ax.legend()
-    return figure
 
 
 def _draw(

@@ -8,9 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.command import norms
-from redres_ros.paper.experiment import Experiment
+from redres_ros.paper.experiment import FINER, WINDOW, Experiment, MeasuredMotion
 from redres_ros.paper.runs import MOTIONS, Runs, title
-from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
@@ -38,14 +37,7 @@ class _Measured:
 
 
 def draw_simulated(number: int, name: str, columns: Sequence[str], runs: Runs) -> Figure:
-    """Norms of a simulation.
-
-    Args:
-        number: Number of the figure.
-        name: Name of the run.
-        columns: The norms to draw, from above.
-        runs: Its result.
-    """
+    """Norms of a simulation."""
     figure, panels = _panels(title(number, name), len(columns), runs.task)
     for ax, norm in zip(panels, columns, strict=True):
         draw_norm(ax, norm, runs[name], Remarks({}, law=MOTIONS[name].law))
@@ -56,11 +48,6 @@ def draw_simulated(number: int, name: str, columns: Sequence[str], runs: Runs) -
 def draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
     """Acceleration and velocity of an experiment, through the paper's filter and a finer one that
     shows what the paper's smooths away.
-
-    Args:
-        number: Number of the figure.
-        name: Name of the run.
-        runs: Its result.
     """
     tried = runs[name]
     colour = law_colour(MOTIONS[name].law)
@@ -76,13 +63,7 @@ def draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
 
 
 def draw_torques(number: int, name: str, runs: Runs) -> Figure:
-    """Torque and velocity of an experiment.
-
-    Args:
-        number: Number of the figure.
-        name: Name of the run.
-        runs: Its result.
-    """
+    """Torque and velocity of an experiment."""
     tried = runs[name]
     curves = {
         'joint_torque_norm': torque_norm(tried.motion, runs.experiment_model),
@@ -94,12 +75,7 @@ def draw_torques(number: int, name: str, runs: Runs) -> Figure:
 
 
 def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
-    """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm].
-
-    Args:
-        motion: Measured motion.
-        model: Model of the arm.
-    """
+    """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm]."""
     rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
     return norms(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
 

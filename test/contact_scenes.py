@@ -47,14 +47,7 @@ class Pressing:
 
 
 class PressingArm:
-    """An arm on the plant that asks for a force, above a table or in free space.
-
-    Args:
-        case: Arm, surface and damping.
-        law: Law in force.
-        preferences: Preferences of the law.
-        has_table: Whether there is a table, and a force is asked for.
-    """
+    """An arm on the plant that asks for a force, above a table or in free space."""
 
     def __init__(
         self,
@@ -94,12 +87,7 @@ class PressingArm:
         return float((state.R @ self.plant.wrench[:3])[2])
 
     def advance(self, state: RobotState, dx: np.ndarray) -> None:
-        """A cycle at a task velocity. Raises ContactError.
-
-        Args:
-            state: State of this tick.
-            dx: (3,) [m/s].
-        """
+        """A cycle at a task velocity. Raises ContactError."""
         self._contact.sensor.enter(self.plant.wrench + self._noise * self._random.normal(size=6))
         command = self.controller.update(self.plant.q, self._contact.velocity(dx, state))
         self._contact.record(command, dx)
@@ -126,12 +114,7 @@ class Pressed(NamedTuple):
 
 
 def pressed(case: Pressing, distance: float = 0.3) -> Pressed:
-    """The tip goes down to a table, presses on it, and slides.
-
-    Args:
-        case: Arm, surface and damping.
-        distance: That it slides [m].
-    """
+    """The tip goes down to a table, presses on it, and slides."""
     arm = PressingArm(case)
     forces = []
     positions = []
@@ -179,15 +162,7 @@ def elbow_pushed(
     *,
     push: float = PUSH,
 ) -> Yielding:
-    """The elbow is pushed for a second, while the tip presses on a table or is free.
-
-    Args:
-        arm: Its name.
-        presses: Whether there is a table.
-        law: Law in force.
-        compliance: Beside a posture.
-        push: Push on the elbow [N].
-    """
+    """The elbow is pushed for a second, while the tip presses on a table or is free."""
     T = 0.002  # [s]
     case = Pressing(arm, T, gap=0.001)
     pushed = PressingArm(case, law, (compliance, Posture()), has_table=presses)
