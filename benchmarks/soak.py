@@ -248,10 +248,8 @@ class Soak:
         faults = {
             'state_loss': share,
             'command_loss': share,
-            'state_reordering': share,
-            'command_reordering': share,
-            'command_duplication': share,
-            'state_delay_spread': self._chance.randint(0, 3),
+            'disorder': share,
+            'state_delay': self._chance.randint(0, 1),
             'command_delay': self._chance.randint(0, 2),
             'encoder_noise': self._chance.uniform(0.0, 1e-4),
         }

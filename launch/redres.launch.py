@@ -19,7 +19,7 @@ from redres_ros.files.share import share_path
 from redres_ros.files.yaml import read_yaml
 from redres_ros.nodes.entry import check_law
 from redres_ros.robots import choose_arm
-from redres_ros.robots.choice import ALLOWED, names_an_arm
+from redres_ros.robots.table import ALLOWED, names_an_arm
 from redres_ros.robots.urdf import Urdf
 
 # name: (default, description); an empty default leaves what params_file says

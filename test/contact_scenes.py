@@ -7,8 +7,7 @@ import numpy as np
 
 from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.controller import Controller
-from redres_ros.fake_robot.environment import EnvironmentSettings
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
+from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.laws import Law, make_law
 from redres_ros.preferences import Compliance, Posture, Preference
@@ -62,8 +61,13 @@ class PressingArm:
         surface = tuple(self.model.tip(q0)[0] - np.array((0.0, 0.0, case.gap)))
         shape = 'table' if has_table else 'none'
         environment = EnvironmentSettings(shape, surface, contact_stiffness=case.stiffness)
-        servo = MujocoSettings(servo_bandwidth=case.bandwidth)
-        self.plant = MujocoPlant(self.model.arm, case.T, q0, servo, environment)
+        self.plant = MujocoPlant(
+            self.model.arm,
+            case.T,
+            q0,
+            environment=environment,
+            servo_bandwidth=case.bandwidth,
+        )
         self.controller = Controller(
             self.model, law, case.T, limits=LIMITS, preferences=preferences
         )

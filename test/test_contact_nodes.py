@@ -106,7 +106,7 @@ def test_what_does_not_suit_is_refused_and_changes_nothing() -> None:
 
 def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:
     with table_below(100.0) as run:
-        assert run.set('sim', wrench_bias=5.0)
+        assert run.set('sim', wrench_fault='bias')
         assert not run.graph.call('controller/tare').success  # nothing has come yet
         run.run(0.5)
         assert run.graph.call('controller/tare').success
@@ -191,11 +191,11 @@ def test_the_elbow_yields_to_torques_of_the_robot(source: str) -> None:
     with table_below(100.0, **own) as run:
         run.run(0.5)
         before = run.nodes['sim']._plant.q
-        assert run.set('sim', push_link=MODEL.elbow_frame, push_force_y=30.0)
+        assert run.set('sim', push_link=MODEL.elbow_frame, push_force=[0.0, 30.0, 0.0])
         run.run(1.0)
         after = run.nodes['sim']._plant.q
         assert mode(run) is Mode.MOVING
-        run.set('sim', push_force_y=0.0)
+        run.set('sim', push_force=[0.0, 0.0, 0.0])
         run.run(0.1)
     elbows = [MODEL.position(q, MODEL.elbow_frame) for q in (before, after)]
     assert (elbows[1] - elbows[0])[1] > 0.03
@@ -214,16 +214,3 @@ def test_a_robot_without_efforts_is_refused_in_words() -> None:
         said = [line for node, line in run.graph.log if node == 'controller']
         assert run.commanding
     assert any('external_torques refused' in line and 'efforts' in line for line in said)
-
-
-def test_a_push_ends_unless_it_is_set_again() -> None:
-    with table_below(100.0) as run:
-        plant = run.nodes['sim']._plant
-        assert run.set('sim', push_force_y=30.0, push_time=1.0)
-        run.run(0.9)
-        assert run.set('sim', push_force_y=30.0)  # renewed
-        run.run(0.9)
-        assert plant.faults.push_force_y == 30.0
-        run.run(0.2)
-        assert plant.faults.push_force_y == 0.0
-        assert run.nodes['sim'].get_parameter('push_force_y').value == 0.0

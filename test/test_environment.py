@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.fake_robot.environment import EnvironmentSettings
+from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.robot_model import RobotModel
 
@@ -43,18 +43,15 @@ def test_a_wall_pushes_back_with_its_stiffness_times_the_depth(stiffness: float)
     assert force[0] == pytest.approx(-stiffness * depth, rel=1e-6)
 
 
+@pytest.mark.parametrize(('x', 'y'), [(0.5, 0.0), (-0.3, 0.4), (0.0, -0.2)])
+def test_a_wall_faces_the_base(x: float, y: float) -> None:
+    normal = EnvironmentSettings('wall', (x, y, 0.7)).normal
+    assert normal == pytest.approx(-np.array((x, y, 0.0)) / np.hypot(x, y))
+
+
 def test_a_table_pushes_up_and_nothing_pulls() -> None:
     assert moved(plant_at('table'), (0.0, 0.0, -0.001))[2] > 5.0
     assert not moved(plant_at('table'), (0.0, 0.0, 0.001)).any()
-
-
-def test_a_ball_pushes_away_from_its_centre() -> None:
-    radius = 0.1
-    centre = X0 - np.array((0.0, 0.0, radius))
-    plant = plant_at('ball', contact_position=tuple(centre), contact_radius=radius)
-    force = moved(plant, (0.0, 0.0, 0.0))
-    assert force[2] > 5.0  # the sphere at the tip has a radius, too
-    assert np.abs(force[:2]).max() < 1e-3 * force[2]
 
 
 def test_a_tip_that_slides_feels_friction_against_its_motion() -> None:
@@ -92,9 +89,13 @@ def test_a_push_on_the_elbow_acts_on_the_joints_before_it_alone() -> None:
 @pytest.mark.parametrize(
     ('settings', 'error', 'words'),
     [
-        ({'contact_shape': 'floor'}, UnknownNameError, 'ball, none, table, wall'),
+        ({'contact_shape': 'floor'}, UnknownNameError, 'none, table, wall'),
         ({'contact_position': (0.0, 0.0)}, ArrayError, 'holds 2 numbers; expected 3'),
-        ({'contact_normal': (0.0, 0.0, 0.0)}, ArrayError, 'expected a direction'),
+        (
+            {'contact_shape': 'wall', 'contact_position': (0.0, 0.0, 1.0)},
+            ArrayError,
+            'above the base; expected beside it',
+        ),
     ],
 )
 def test_a_surface_that_cannot_be_is_refused(settings: Any, error: type, words: str) -> None:

@@ -170,14 +170,16 @@ class InContact(NamedTuple):
 
 
 IN_CONTACT = {
-    'the wrench is stale': InContact({'wrench_loss': 1.0}, {}, 'no wrench for 0.05 s'),
+    'the wrench is stale': InContact({'wrench_fault': 'lost'}, {}, 'no wrench for 0.05 s'),
     'the wrench is not finite': InContact(
-        {'wrench_not_finite': True}, {}, 'expected finite values'
+        {'wrench_fault': 'not_finite'}, {}, 'expected finite values'
     ),
     'the wrench is saturated': InContact(
-        {'wrench_range': 10.0}, {'admittance.sensor_range': 10.0}, 'the wrench is saturated'
+        {'wrench_fault': 'saturated'}, {'admittance.sensor_range': 10.0}, 'the wrench is saturated'
     ),
-    'a force above `force_limit`': InContact({'push_force_z': 150.0}, {}, 'the tip has retreated'),
+    'a force above `force_limit`': InContact(
+        {'push_force': [0.0, 0.0, 150.0]}, {}, 'the tip has retreated'
+    ),
     'nothing touches any more': InContact(
         {}, {'admittance.force': [0.0, 0.0, -FORCE]}, 'no contact within 0.05 m'
     ),

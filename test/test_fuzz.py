@@ -248,17 +248,19 @@ class TestCallbacks:
         robot = sim._robot
         before = robot.reference
         for event in events:
-            commands = sim._receiver.take(robot.tick)
+            commands = sim._receiver.take()
             sim._publish_state()
             if event == 'reset':
-                robot.reset()
+                robot.session.reset()
             elif event == 'command':
                 sim._on_command(numbered(recorder.sent[-1][0], robot.reference))
             else:
                 sim._on_command(event)
             robot.advance(*commands)
             after = robot.reference
-            assert (np.abs(after - before) <= LIMITS.velocity * robot.period * (1.0 + 1e-9)).all()
+            assert (
+                np.abs(after - before) <= LIMITS.velocity * robot.plant.period * (1.0 + 1e-9)
+            ).all()
             assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()
             before = after
         assert all(

@@ -40,7 +40,7 @@ def run() -> Iterator[VirtualRun]:
 
 def position(run: VirtualRun) -> np.ndarray:
     """Of the robot's joints, (n,) [rad]."""
-    return run.nodes['sim']._robot.q.copy()
+    return run.nodes['sim']._robot.plant.q.copy()
 
 
 def state(run: VirtualRun) -> TaskState:

@@ -26,7 +26,6 @@ ROS = {
 PARAMETERS = (
     'rate:=100.0',
     'patience:=2.0',
-    'bridged_misses:=35',
     'dynamics:=identified',
     'autostart:=true',
 )

@@ -11,7 +11,6 @@ from contact_scenes import elbow_direction
 
 from redres_ros.contact import Admittance, AdmittanceSettings
 from redres_ros.controller import Controller
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.laws import make_law
 from redres_ros.paper.second_order import make_scheme
@@ -87,8 +86,7 @@ def by_velocity(
     arm = Arm(elbow_push)
     plant = IdealPlant(arm.model.joint_names, T, arm.q0)
     if bandwidth:
-        servos = MujocoSettings(servo_bandwidth=bandwidth)
-        plant = MujocoPlant(arm.model.arm, T, arm.q0, servos)
+        plant = MujocoPlant(arm.model.arm, T, arm.q0, servo_bandwidth=bandwidth)
     controller = Controller(arm.model, make_law(law, damping=DAMPING), T, preferences=(COMPLIANCE,))
     admittance = Admittance(settings, T)
     rows = []

@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fake_robot_helpers import Q0
 from reference_model import ReferenceModel
 
 from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, find_arm
 
 T = 0.002  # [s]
-Q0 = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))  # the paper's q(0)
 MOVE = np.array([1.0, -0.7, -0.8, -1.0, 0.8, 0.7, 1.0])  # away from the joint limits
-BOTH = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])
 
 
 def plants(q0: np.ndarray) -> list[IdealPlant | MujocoPlant]:
@@ -70,17 +68,6 @@ def test_plants_hand_out_and_keep_copies_only():
         assert np.abs(plant.dq).max() < 1e-6
 
 
-def test_reset_stands_still_at_the_given_position():
-    for plant in plants(Q0):
-        for _ in range(20):
-            plant.step(plant.q + 0.001)
-        plant.reset(Q0)
-        assert (plant.q == Q0).all()
-        assert not plant.dq.any()
-        plant.step(Q0)
-        assert plant.q == pytest.approx(Q0, abs=1e-9)
-
-
 @pytest.mark.parametrize('q0', [np.zeros(6), np.zeros((7, 1)), np.full(7, np.nan)])
 def test_a_start_of_another_shape_or_not_finite_is_refused(q0):
     with pytest.raises(ArrayError):
@@ -97,9 +84,8 @@ def test_a_start_beyond_a_limit_is_refused_by_name():
 # --- MuJoCo's servos ------------------------------------------------------------------------------
 
 
-@BOTH
-def test_an_arm_that_is_commanded_to_hold_holds(name):
-    arm = find_arm(name)
+def test_an_arm_that_is_commanded_to_hold_holds():
+    arm = find_arm('lwr4')
     for q0 in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 7)):
         plant = MujocoPlant(arm, T, q0)
         for _ in range(500):
@@ -108,23 +94,18 @@ def test_an_arm_that_is_commanded_to_hold_holds(name):
         assert np.abs(plant.dq).max() < 1e-9
 
 
-@BOTH
-def test_no_mode_of_the_servos_is_underdamped(name):
-    arm = find_arm(name)
-    reference = ReferenceModel(find_arm(name))
+def test_no_mode_of_the_servos_is_underdamped():
+    arm = find_arm('lwr4')
+    reference = ReferenceModel(find_arm('lwr4'))
     # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is
     # positive semidefinite.
-    D = (
-        np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0])
-        / MujocoSettings().servo_bandwidth ** 2
-    )
+    D = np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0]) / 100.0**2
     for q in np.random.default_rng(6).uniform(-2.0, 2.0, (200, 7)):
         assert np.linalg.eigvalsh(D - reference.dynamics(q, q)[0])[0] >= 0.0
 
 
-@BOTH
-def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second(name):
-    arm = find_arm(name)
+def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second():
+    arm = find_arm('lwr4')
     reference = ReferenceModel(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
     wanted, reached = (
@@ -135,22 +116,9 @@ def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second(name)
     assert np.linalg.norm(wanted - reached, axis=1).max() < 1e-5  # 90 um without feed-forward
 
 
-@BOTH
-def test_at_constant_velocity_there_is_no_lag_beyond_that_of_the_coriolis_torques(name):
-    plant = MujocoPlant(find_arm(name), T, np.zeros(7))
-    velocity = 0.5 * np.eye(7)[0]
-    for k in range(1, 501):
-        plant.step(k * T * velocity)
-    # Turning about the vertical, only the other joints need torques, against centrifugal forces;
-    # joint 1 must be where
-    # its reference is. Without the feed-forward it would lag by 2 v / bandwidth = 10 mrad.
-    assert abs(plant.q[0] - 500 * T * velocity[0]) < 1e-5
-
-
-@BOTH
-def test_after_a_motion_the_arm_settles_without_oscillation(name):
+def test_after_a_motion_the_arm_settles_without_oscillation():
     references, measured = move(
-        MujocoPlant(find_arm(name), T, Q0), 0.5 * MOVE, duration=0.8, rest=0.5
+        MujocoPlant(find_arm('lwr4'), T, Q0), 0.5 * MOVE, duration=0.8, rest=0.5
     )
     error = (measured - references)[round(0.8 / T) :]  # (250, 7) from the end of the motion on
     assert np.abs(error[150:]).max() < 1e-8
@@ -161,16 +129,6 @@ def test_after_a_motion_the_arm_settles_without_oscillation(name):
     assert max(crossings) <= 3
 
 
-def test_friction_that_is_left_in_is_carried_by_the_servos():
-    arm = find_arm('lwr4')
-    lags = {}
-    for friction in (False, True):
-        plant = MujocoPlant(arm, T, Q0, MujocoSettings(joint_friction=friction))
-        references, measured = move(plant, 0.5 * MOVE, duration=1.5)
-        lags[friction] = np.abs(measured - references).max()
-    assert 2.0 * lags[False] < lags[True] < 5e-3
-
-
 def test_no_joint_gets_more_torque_than_its_effort_limit():
     plant = MujocoPlant(find_arm('lwr4'), T, np.zeros(7))
     plant.step(np.eye(7)[6])  # a jump by 1 rad; the servo alone would respond with 4000 Nm
@@ -178,9 +136,8 @@ def test_no_joint_gets_more_torque_than_its_effort_limit():
     assert 0.05 < plant.dq[6] <= 38.0 / 0.399 * T
 
 
-@BOTH
-def test_the_arm_stays_within_its_joint_limits(name):
-    plant = MujocoPlant(find_arm(name), T, np.zeros(7))
+def test_the_arm_stays_within_its_joint_limits():
+    plant = MujocoPlant(find_arm('lwr4'), T, np.zeros(7))
     upper = np.radians(120.0)
     for k in range(1000):
         plant.step(min(k / 500, 1.0) * (upper + 0.2) * np.eye(7)[5])
@@ -189,9 +146,8 @@ def test_the_arm_stays_within_its_joint_limits(name):
     )  # MuJoCo's limits yield a little under 38 Nm
 
 
-@BOTH
-def test_steps_of_the_reference_within_effort_limits_do_not_make_it_unstable(name):
-    plant = MujocoPlant(find_arm(name), T, Q0)
+def test_steps_of_the_reference_within_effort_limits_do_not_make_it_unstable():
+    plant = MujocoPlant(find_arm('lwr4'), T, Q0)
     random = np.random.default_rng(4)
     for _ in range(300):
         plant.step(Q0 + random.uniform(-0.05, 0.05, 7))
@@ -207,7 +163,7 @@ def test_equal_references_make_equal_motions_bit_for_bit():
     assert (runs[0] == runs[1]).all()
 
 
-@pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.005, 0.1])
+@pytest.mark.parametrize('period', [0.0005, 0.005, 0.1])
 def test_a_cycle_may_be_any_whole_number_of_plant_steps(period):
     plant = MujocoPlant(find_arm('lwr4'), period, Q0)
     plant.step(Q0)
@@ -220,25 +176,11 @@ def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
         MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
 
 
-@pytest.mark.parametrize(
-    'wrong',
-    [
-        {'plant_step': 0.0},
-        {'servo_bandwidth': np.nan},
-        {'servo_bandwidth': 600.0, 'plant_step': 0.001},
-    ],
-)
-def test_settings_out_of_range_are_refused(wrong):
-    with pytest.raises(RangeError, match=next(iter(wrong))):
-        MujocoSettings(**wrong)
-
-
 # --- what MuJoCo knows of the arm -----------------------------------------------------------------
 
 
-@BOTH
-def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
-    reference = ReferenceModel(find_arm(name))
+def test_the_jacobian_is_the_derivative_of_the_tip_position():
+    reference = ReferenceModel(find_arm('lwr4'))
     h = 1e-6
     for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
         changes = [
@@ -249,16 +191,6 @@ def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
         assert reference.kinematics(q)[2][:3] == pytest.approx(
             np.transpose(changes) / (2.0 * h), abs=1e-9
         )
-
-
-@BOTH
-def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
-    reference = ReferenceModel(find_arm(name))
-    upright = reference.dynamics(np.zeros(7), np.zeros(7))[1]
-    assert np.abs(upright).max() < 1e-12  # all centres of mass above the base
-    turning = reference.dynamics(np.zeros(7), 0.1 * np.eye(7)[0])[1]
-    assert np.abs(turning).max() < 1e-12  # the friction of joint 1 would be 13 Nm
-    assert np.abs(reference.dynamics(Q0, np.zeros(7))[1]).max() > 1.0
 
 
 def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
@@ -313,11 +245,6 @@ def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
         assert (plant.q[0] > horizontal[0] + 0.01) == falls
 
 
-def test_a_tip_frame_that_is_not_there_is_an_error(tmp_path):
-    with pytest.raises(UnknownNameError, match='gripper'):
-        ReferenceModel(replace(find_arm('lwr4'), tip_frame='gripper'))
-
-
 def test_a_plant_without_its_tip_frame_is_an_error():
     with pytest.raises(UnknownNameError, match='gripper'):
         MujocoPlant(replace(find_arm('lwr4'), tip_frame='gripper'), T, Q0)
@@ -369,14 +296,6 @@ def test_when_the_push_is_over_the_arm_comes_back(force):
     plant = MujocoPlant(find_arm('lwr4'), T, Q0)
     pushed(plant, force)
     assert pushed(plant, (0.0, 0.0, 0.0)) == pytest.approx(Q0, abs=1e-9)
-
-
-def test_reset_ends_a_push():
-    plant = MujocoPlant(find_arm('lwr4'), T, Q0)
-    pushed(plant, (30.0, 0.0, 0.0), cycles=10)
-    plant.reset(Q0)
-    plant.step(Q0)
-    assert plant.q == pytest.approx(Q0, abs=1e-9)
 
 
 def test_an_ideal_arm_yields_to_no_push():

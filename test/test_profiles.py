@@ -1,22 +1,22 @@
-"""Profiles of a session: every event in every state of each, and a life of each from the first
-command to the last.
-"""
+"""Profiles of a session: every event in every state of each, and whatever happens in a session."""
+
+import math
 
 import pytest
-from hypothesis import given
+from hypothesis import settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.fake_robot.profile import FCI, LWR_FRI1, PROFILES, SUNRISE, Event, Profile, State
-from redres_ros.fake_robot.quality import Quality, SunriseQuality
+from redres_ros.fake_robot.profile import PROFILES, Event, Profile, State
 from redres_ros.fake_robot.session import Session, SessionSettings
-from redres_ros.fake_robot.timing import WINDOW
 
 T = 0.002  # [s]
 EACH = pytest.mark.parametrize('profile', PROFILES.values(), ids=list(PROFILES))
 
 # The state to which each event leads from each state, all of them: rows are events, columns states.
-LWR_TABLE = """
+TABLES = {
+    'lwr_fri1': """
                  MON CMD
 SILENCE          MON MON
 POOR_TIMING      MON CMD
@@ -25,8 +25,8 @@ LONG_GOOD_TIMING MON CMD
 FIRST_COMMAND    CMD CMD
 FAULT            MON MON
 RESET            MON MON
-"""
-SUNRISE_TABLE = """
+""",
+    'sunrise': """
                  IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_WAIT   COMMANDING_ACTIVE
 SILENCE          IDLE            IDLE             IDLE             IDLE              IDLE
 POOR_TIMING      MONITORING_WAIT MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
@@ -35,10 +35,8 @@ LONG_GOOD_TIMING MONITORING_WAIT MONITORING_READY COMMANDING_WAIT  COMMANDING_WA
 FIRST_COMMAND    IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_ACTIVE COMMANDING_ACTIVE
 FAULT            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
 RESET            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
-"""  # noqa: E501, a table is best read in one piece
-
-
-FCI_TABLE = """
+""",  # noqa: E501
+    'fci': """
                  IDLE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
 SILENCE          IDLE   REFLEX REFLEX                   IDLE
 POOR_TIMING      IDLE   MOVE   REFLEX                   IDLE
@@ -47,81 +45,25 @@ LONG_GOOD_TIMING IDLE   MOVE   REFLEX                   IDLE
 FIRST_COMMAND    MOVE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
 FAULT            REFLEX REFLEX REFLEX                   REFLEX
 RESET            IDLE   IDLE   AUTOMATIC_ERROR_RECOVERY AUTOMATIC_ERROR_RECOVERY
-"""
+""",
+}  # a table is best read in one piece
 
 
-def pairs(profile: Profile, table: str) -> list[tuple[Profile, State, Event, State]]:
+def read(table: str) -> dict[tuple[State, Event], State]:
     head, *rows = [line.split() for line in table.strip().splitlines()]
-    return [
-        (profile, State[state], Event[row[0]], State[after])
+    return {
+        (State[state], Event[row[0]]): State[after]
         for row in rows
         for state, after in zip(head, row[1:], strict=True)
-    ]
-
-
-EVERY_PAIR = pairs(LWR_FRI1, LWR_TABLE) + pairs(SUNRISE, SUNRISE_TABLE) + pairs(FCI, FCI_TABLE)
-
-
-@pytest.mark.parametrize(
-    ('profile', 'state', 'event', 'after'),
-    EVERY_PAIR,
-    ids=[f'{p.name}-{s.name}-{e.name}' for p, s, e, _ in EVERY_PAIR],
-)
-def test_an_event_leads_where_the_table_says(profile, state, event, after):
-    assert profile.after(state, event) is after
-
-
-def test_the_tables_leave_out_no_profile_state_or_event():
-    expected = {
-        (profile, state, event)
-        for profile in PROFILES.values()
-        for state in profile.states
-        for event in Event
     }
-    assert {pair[:3] for pair in EVERY_PAIR} == expected
-    assert len(EVERY_PAIR) == len(expected) == (2 + 5 + 4) * 7
 
 
 @EACH
-def test_no_transition_leads_to_a_state_of_another_profile(profile):
-    for after in profile.transitions.values():
-        assert set(after.values()) <= set(profile.states)
-
-
-@EACH
-def test_only_a_first_command_leads_to_commanding_and_any_fault_or_reset_away_from_it(profile):
-    for transitions in profile.transitions.values():
-        into = {event for event, after in transitions.items() if after is profile.commanding}
-        assert into <= {Event.FIRST_COMMAND}
-    assert all(
-        profile.after(state, event) is not profile.commanding
-        for state in profile.states
-        for event in (Event.FAULT, Event.RESET, Event.SILENCE)
-    )
-
-
-@EACH
-def test_every_state_can_be_reached_from_every_other(profile):
-    for start in profile.states:
-        reached = {start}
-        for _ in profile.states:
-            reached |= {profile.after(state, event) for state in reached for event in Event}
-        assert reached == set(profile.states)
-
-
-@EACH
-def test_quality_names_and_numbers_are_those_of_the_profile(profile):
-    qualities = type(profile.entry)
-    names = {
-        'lwr_fri1': ['UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'],
-        'sunrise': ['POOR', 'FAIR', 'GOOD', 'EXCELLENT'],
-        'fci': ['INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'],
-    }
-    assert [quality.name for quality in sorted(qualities)] == names[profile.name]
-    assert [int(quality) for quality in sorted(qualities)] == [0, 1, 2, 3]
-    assert (
-        list(profile.thresholds) == sorted(qualities, reverse=True)[:3]
-    )  # best first; the worst asks for nothing
+def test_every_event_leads_from_every_state_where_the_table_says(profile):
+    table = read(TABLES[profile.name])
+    assert set(table) == {(state, event) for state in profile.transitions for event in Event}
+    for (state, event), after in table.items():
+        assert profile.after(state, event) is after
 
 
 def test_an_unknown_profile_is_refused_with_those_that_exist():
@@ -129,17 +71,9 @@ def test_an_unknown_profile_is_refused_with_those_that_exist():
         SessionSettings(profile='fri3')
 
 
-# --- sessions -------------------------------------------------------------------------------------
-
-
-def session_of(profile: Profile, **settings: float) -> Session:
-    return Session(T, SessionSettings(profile=profile.name, **settings))
-
-
-def states(session: Session, latenesses: list[int | None]) -> list[State]:
-    """The states that a session goes through, each once in a row, while commands on the spot are
-    offered.
-    """
+def lives_through(profile: Profile, latenesses: list[int | None]) -> list[State]:
+    """The states of a session, each once in a row, while commands are offered where the arm is."""
+    session = Session(T, SessionSettings(profile=profile.name, monitor_time=0.1))
     seen = [session.state]
     for lateness in latenesses:
         session.record(lateness)
@@ -149,32 +83,11 @@ def states(session: Session, latenesses: list[int | None]) -> list[State]:
     return [state for k, state in enumerate(seen) if k == 0 or state is not seen[k - 1]]
 
 
-def commanding(profile: Profile, **settings: float) -> Session:
-    session = session_of(profile, monitor_time=0.0, **settings)
-    states(session, [0] * WINDOW)
-    assert session.commanding
-    return session
-
-
-@EACH
-def test_only_one_state_is_commanding(profile):
-    session = session_of(profile)
-    assert not session.commanding
-    assert commanding(profile).state is profile.commanding
-
-
-def test_a_life_of_an_lwr():
-    assert states(session_of(LWR_FRI1, monitor_time=0.1), [0] * 60 + [None] * 200) == [
-        State.MON,
-        State.CMD,
-        State.MON,
-    ]
-
-
-def test_a_life_of_a_sunrise_goes_through_every_state():
-    session = session_of(SUNRISE, monitor_time=0.1, bridged_misses=5)
-    # A client that responds late at first, then in time, and is no more.
-    assert states(session, [3] * 50 + [0] * 300 + [None] * 200) == [
+def test_a_client_that_is_late_at_first_then_in_time_and_then_silent_sees_these_states():
+    latenesses = [3] * 50 + [0] * 300 + [None] * 200
+    assert lives_through(PROFILES['lwr_fri1'], latenesses) == [State.MON, State.CMD, State.MON]
+    assert lives_through(PROFILES['fci'], latenesses) == [State.IDLE, State.MOVE, State.REFLEX]
+    assert lives_through(PROFILES['sunrise'], latenesses) == [
         State.IDLE,
         State.MONITORING_WAIT,
         State.MONITORING_READY,
@@ -187,103 +100,80 @@ def test_a_life_of_a_sunrise_goes_through_every_state():
     ]
 
 
-@EACH
-@pytest.mark.parametrize('monitor_time', [0.1, 0.5])
-def test_command_mode_takes_the_monitor_time_of_good_timing(profile, monitor_time):
-    session = session_of(profile, monitor_time=monitor_time)
-    steps = {'lwr_fri1': 1, 'sunrise': 2, 'fci': 1}[
-        profile.name
-    ]  # cycles: on the way through COMMANDING_WAIT
-    states(session, [0] * (round(monitor_time / T) - 1))
-    assert not session.commanding
-    states(session, [0] * steps)
-    assert session.commanding
+class AnySession(RuleBasedStateMachine):
+    """Whatever happens: the state changes as the table says; command mode begins with a good first
+    command alone, and never goes with a reason, which is the first one until a reset.
+    """
 
+    @initialize(name=st.sampled_from(list(PROFILES)), bridged=st.sampled_from([-1, 0, 1, 30]))
+    def begin(self, name: str, bridged: int) -> None:
+        settings = SessionSettings(profile=name, monitor_time=3 * T, bridged_misses=bridged)
+        self.session = Session(T, settings)
+        self.good_since = 0  # cycles in time, one after the other
 
-@pytest.mark.parametrize('profile', [LWR_FRI1, SUNRISE], ids=lambda profile: profile.name)
-def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(profile):
-    session = commanding(profile, bridged_misses=5)
-    lowest = profile.lowest
-    cycles = 0
-    while session.commanding:
-        assert session.timing.quality >= lowest
-        session.record(
-            0, latency=T * (1.0 + 0.02 * cycles)
-        )  # worse and worse, yet no command is a cycle late
-        cycles += 1
-    bound = profile.thresholds[lowest].latency * T * 1e3
-    assert session.timing.quality == lowest - 1
-    assert session.reason.startswith(
-        f'timing: the connection is {session.timing.quality.name}: latency '
-    )
-    assert session.reason.endswith(f', allowed {bound:g} ms')
+    def check(self, before: State, *events: Event) -> None:
+        profile = self.session.profile
+        allowed = {before, *(profile.after(before, event) for event in events)}
+        assert self.session.state in allowed
 
-
-@pytest.mark.parametrize(
-    ('profile', 'ends'), [(LWR_FRI1, Quality.UNACCEPTABLE), (SUNRISE, SunriseQuality.FAIR)]
-)
-def test_an_lwr_commands_at_any_quality_but_unacceptable_and_a_sunrise_only_when_good(
-    profile, ends
-):
-    session = commanding(profile)
-    for k in range(WINDOW):
-        session.record(None if k % 2 else 0)
-    assert session.reason.startswith(f'timing: the connection is {ends.name}: response rate')
-
-
-@EACH
-@pytest.mark.parametrize('stop', ['limits', 'gap'])
-def test_a_reason_keeps_the_session_from_commanding_until_reset(profile, stop):
-    session = commanding(profile)
-    if stop == 'limits':
-        session.stop('position limit')
-    else:
-        session.reset()
-        while not session.ready:
-            session.record(0)
-        session.offer(1.0)
-    reason = session.reason
-    assert reason != ''
-    assert State.COMMANDING_WAIT not in states(session, [0] * 300)
-    assert (session.reason, session.commanding) == (reason, False)
-    session.reset()
-    states(session, [0] * 10)
-    assert (session.reason, session.commanding) == ('', True)
-
-
-def test_a_command_after_silence_opens_a_sunrise_session_again():
-    session = commanding(SUNRISE)
-    states(session, [None] * WINDOW)
-    assert session.state is State.IDLE
-    session.record(7)
-    assert session.state is State.MONITORING_WAIT
-
-
-ACTIONS = st.lists(
-    st.one_of(
-        st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 1, 7]), st.integers(1, 130)),
-        st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1]), st.just(1)),
-        st.tuples(st.sampled_from(['stop', 'reset']), st.none(), st.just(1)),
-    ),
-    max_size=40,
-)
-
-
-@pytest.mark.slow
-@given(st.sampled_from(list(PROFILES)), ACTIONS)
-def test_whatever_happens_a_session_changes_state_only_as_its_table_says(name, actions):
-    session = session_of(PROFILES[name], monitor_time=3 * T)
-    for action, value, times in actions:
+    @rule(lateness=st.sampled_from([None, 0, 0, 0, 1, 7]), times=st.integers(1, 130))
+    def record(self, lateness: int | None, times: int) -> None:
+        session = self.session
         for _ in range(times):
             before = session.state
-            getattr(session, action)(*{'stop': ['stopped'], 'reset': []}.get(action, [value]))
-            allowed = {
-                'offer': {Event.FIRST_COMMAND, Event.FAULT},
-                'stop': {Event.FAULT},
-                'reset': {Event.RESET},
-                'record': set(Event) - {Event.FIRST_COMMAND, Event.RESET},
-            }[action]
-            assert session.state in {before} | {
-                session.profile.after(before, event) for event in allowed
-            }
-            assert not (session.commanding and session.reason)
+            reason = session.reason
+            session.record(lateness)
+            self.check(before, *(set(Event) - {Event.FIRST_COMMAND, Event.RESET}))
+            assert not reason or session.reason == reason
+            self.good_since = self.good_since + 1 if lateness == 0 else 0
+
+    @rule(distance=st.sampled_from([0.0, 0.01, 0.0101, math.inf, math.nan]))
+    def offer(self, distance: float) -> None:
+        session = self.session
+        before = session.state
+        was_commanding = session.commanding
+        was_ready = session.ready
+        session.offer(distance)
+        self.check(before, Event.FIRST_COMMAND, Event.FAULT)
+        if not was_commanding:
+            assert session.commanding is (was_ready and distance <= 0.01)
+            assert not session.commanding or self.good_since >= 1
+        if was_ready and not session.commanding:
+            assert f'the first command is {distance:.3g} rad' in session.reason
+
+    @rule()
+    def stop(self) -> None:
+        before = self.session.state
+        expected = self.session.reason or 'stopped'
+        self.session.stop('stopped')
+        self.check(before, Event.FAULT)
+        assert self.session.reason == expected
+        assert not self.session.commanding
+
+    @rule()
+    def reset(self) -> None:
+        before = self.session.state
+        self.session.reset()
+        self.check(before, Event.RESET)
+        assert not self.session.ready
+        assert self.session.reason == ''
+
+    @precondition(lambda self: not self.session.reason)
+    @rule()
+    def respond(self) -> None:
+        """A client with good timing that continues the mirrored position is always let in."""
+        self.session.reset()
+        for _ in range(150):
+            self.session.record(0)
+            self.session.offer(0.0)
+        self.good_since = 150
+        assert self.session.commanding
+
+    @invariant()
+    def commands_without_a_reason(self) -> None:
+        if hasattr(self, 'session'):
+            assert not (self.session.commanding and self.session.reason)
+
+
+TestAnySession = AnySession.TestCase
+TestAnySession.settings = settings(max_examples=60, stateful_step_count=20)

@@ -141,7 +141,6 @@ def commanded(
         'plant': 'ideal',
         'monitor_time': 0.1,
         'start': start.tolist(),
-        'bridged_misses': 100,
     }
     controller['rate'] = controller_rate or rate
     with virtual_run(sim=sim, controller=controller) as run:

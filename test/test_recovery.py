@@ -51,7 +51,7 @@ ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
 STALL = 2.0  # [s] for which the robot waits for a command before it counts cycles as missed
 OWN = {
-    'sim': {'bridged_misses': BRIDGED, 'patience': STALL},
+    'sim': {'patience': STALL},
     'controller': {'restart_after': BRIDGED},
     'planner': {'autostart': True},
 }

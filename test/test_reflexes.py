@@ -8,15 +8,14 @@ from itertools import product
 
 import numpy as np
 import pytest
-from fake_robot_helpers import Door
+from fake_robot_helpers import Connection
 from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task
-from redres_ros.fake_robot.command_validator import CommandValidator, Reflex
 from redres_ros.fake_robot.plant import IdealPlant
-from redres_ros.fake_robot.profile import FCI, State
+from redres_ros.fake_robot.profile import Reflex, State
 from redres_ros.fake_robot.robot import FakeRobot
-from redres_ros.fake_robot.session import Session, SessionSettings
+from redres_ros.fake_robot.session import SessionSettings
 from redres_ros.laws import LAWS
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.settings import LoopSettings
@@ -38,23 +37,23 @@ class Client:
     """Responds to every state in time, with the position that it adds to at every tick."""
 
     def __init__(self, q: np.ndarray = START) -> None:
-        session = Session(T, SessionSettings(profile='fci', monitor_time=0.05))
-        guard = CommandValidator(LIMITS, T, FCI.guard, FCI.reflexes)
-        self.door = Door(FakeRobot(IdealPlant(LIMITS.joint_names, T, q), guard, session))
-        self.session = session
+        settings = SessionSettings(profile='fci', monitor_time=0.05)
+        robot = FakeRobot(IdealPlant(LIMITS.joint_names, T, q), LIMITS, settings)
+        self.connection = Connection(robot)
+        self.session = robot.session
         self.q = q
-        self.states = [session.state]
+        self.states = [self.session.state]
         self.advance()
 
     def advance(self) -> None:
         """A cycle."""
-        self.door.advance()
+        self.connection.advance()
         self.states.append(self.session.state)
 
     def say(self, q: np.ndarray) -> None:
         """Respond to the state of this tick, and let the robot have it."""
         self.q = q
-        self.door.send(self.door.robot.tick - 1, q)
+        self.connection.send(self.connection.robot.tick - 1, q)
         self.advance()
 
     def stand(self, cycles: int) -> None:
@@ -156,14 +155,14 @@ def test_a_violation_is_a_reflex_that_is_named_as_libfranka_names_it(provoke, na
 @EACH
 def test_after_automatic_error_recovery_the_arm_moves_again(provoke, name):
     client = provoke()
-    robot = client.door.robot
+    robot = client.connection.robot
     while not robot.at_rest:
         client.advance()
     client.stand(100)
     assert client.session.state is State.REFLEX  # until somebody asks for it
-    robot.reset()
+    client.session.reset()
     client.states.append(client.session.state)
-    client.q = robot.q
+    client.q = robot.plant.q
     client.stand(200)
     assert client.passed[-4:] == [
         State.REFLEX,
@@ -211,7 +210,7 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
         expected.append(expected[-1] + velocity * T * FIRST)
     for k in range(1, 6):  # lost
         client.advance()
-        assert client.door.robot.reference == pytest.approx(expected[k], abs=ROUNDING)
+        assert client.connection.robot.reference == pytest.approx(expected[k], abs=ROUNDING)
     client.say(expected[6])
     assert client.session.state is State.MOVE
     assert client.session.reason == ''

@@ -44,7 +44,7 @@ def judge(run: VirtualRun) -> ReferenceJudge:
 
 def tip(run: VirtualRun) -> tuple[np.ndarray, np.ndarray]:
     """Where the tip is: position (3,) [m] and orientation (3, 3)."""
-    return MODEL.tip(run.nodes['sim']._robot.q)
+    return MODEL.tip(run.nodes['sim']._robot.plant.q)
 
 
 def send(run: VirtualRun, x: np.ndarray, R: np.ndarray) -> None:

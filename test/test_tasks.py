@@ -96,10 +96,10 @@ def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
 
 def test_a_file_may_have_parameters_of_the_nodes_and_changes_of_them(tmp_path):
     nodes = {'sim': {'contact_shape': 'table', 'contact_position': [0.5, 0.0, 0.1]}}
-    events = [{'at': 2, 'node': 'sim', 'push_force_y': 30.0}]
+    events = [{'at': 2, 'node': 'sim', 'push_link': 'elbow'}]
     task = load_task(written(tmp_path, nodes=nodes, events=events))
     assert task.nodes['sim'] == {'contact_shape': 'table', 'contact_position': (0.5, 0.0, 0.1)}
-    assert task.events == ((2.0, 'sim', {'push_force_y': 30.0}),)
+    assert task.events == ((2.0, 'sim', {'push_link': 'elbow'}),)
 
 
 # --- bad ones -------------------------------------------------------------------------------------

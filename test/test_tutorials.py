@@ -107,7 +107,7 @@ def test_a_target_pose_is_reached_as_the_page_says() -> None:
         with mock.patch.dict('sys.modules', rclpy=_rclpy_on_wires(run)):
             exec(compile(code, 'target_pose.md', 'exec'), {})
         assert run.run_until(lambda: words[-1] == 'finished', 20.0)
-        q = run.nodes['sim']._robot.q
+        q = run.nodes['sim']._robot.plant.q
     assert model.tip(q)[0] == pytest.approx((0.5, 0.2, 0.6), abs=2e-3)
 
 

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.fake_robot.network_model import Link, NetworkModel
-from redres_ros.fake_robot.robot import ClientCommand
+from redres_ros.fake_robot.network_model import NetworkModel
+from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.fake_robot.session import CommandError, Refusal, Session
+from redres_ros.fake_robot.session import CommandError, Refusal
 from redres_ros.fake_robot.timing import WINDOW
+from redres_ros.types import JointPositions, Nanoseconds, Seconds
 
 _CONTEST = 1.0  # [s] for which publishers count as rivals after a state got two commands
 
@@ -20,76 +21,60 @@ _CONTEST = 1.0  # [s] for which publishers count as rivals after a state got two
 class _ArrivedCommand(NamedTuple):
     """What a client sent, as it came."""
 
-    stamp: int  # [ns] of the state that it is for
+    stamp: Nanoseconds  # of the state that it is for
     names: Sequence[str]
     positions: np.ndarray  # [rad], one for each name, if all is well
-    time: float  # [s] on the monotonic clock
+    time: Seconds  # on the monotonic clock
     again: bool  # whether that state, or a later one, already had its command
     tick: int = 0  # at which it entered the robot's network
 
 
 class CommandReceiver:
-    """Checks what clients send: valid commands go to the robot, the session counts the others.
+    """Checks what clients send: valid commands go to the robot, its session counts the others.
 
     The subscriber calls `put`, in any thread; the robot's loop calls `take`.
 
     Args:
-        joint_names: Joints of the arm, in the order of every array.
+        robot: Whose states the commands are for.
         clock: Whose stamps the states have.
-        session: Counts what is refused.
-        link: What the transport does to commands.
-        seed: Random seed of the link.
         timed: Whether latencies are measured. In lock-step they mean nothing.
+        seed: Of the faults of the network.
 
     Attributes:
         publishers: How many there are in the graph. While more than one sends commands, none is
             taken. One that was killed stays in the graph for some 20 s, but is silent.
-        newest: Stamp [ns] of the state that the last command was for.
-        network: What the transport does to commands; its link may be set at any time.
+        newest: Stamp of the state that the last command was for.
+        network: What the transport does to commands.
     """
 
     def __init__(
-        self,
-        joint_names: Sequence[str],
-        clock: RobotClock,
-        session: Session,
-        *,
-        link: Link | None = None,
-        seed: int = 0,
-        timed: bool = True,
+        self, robot: FakeRobot, clock: RobotClock, *, timed: bool = True, seed: int = 0
     ) -> None:
         self.publishers = 1
-        self.newest = 0
-        self._joint_names = tuple(joint_names)
+        self.newest: Nanoseconds = 0
+        self.network: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands')
+        self._robot = robot
         self._clock = clock
-        self._session = session
         self._timed = timed
         self._arrivals: deque[_ArrivedCommand] = deque()
-        self.network: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands', link)
         self._contested_at = -math.inf  # [s] when a state last got a second command
-        self._newest = -1  # tick of the newest valid command
+        self._newest_tick = -1  # of a valid command
 
-    def put(self, stamp: int, names: Sequence[str], positions: np.ndarray) -> None:
-        """Take what a client has sent.
-
-        Args:
-            stamp: That of the state that it is for [ns].
-            names: Its joints, in any order.
-            positions: Their commanded positions, not kept by the caller [rad].
+    def put(self, stamp: Nanoseconds, names: Sequence[str], positions: np.ndarray) -> None:
+        """Take the positions of some joints, in any order, that were sent for the state of a
+        stamp.
         """
         again = stamp <= self.newest
         self.newest = stamp
         self._arrivals.append(_ArrivedCommand(stamp, names, positions, time.monotonic(), again))
 
-    def take(self, tick: int) -> list[ClientCommand]:
+    def take(self) -> list[ClientCommand]:
         """The valid commands that have come since the last call, in the order of their ticks.
 
         A second command for the same state counts as none. The state of the present tick is not out
         yet.
-
-        Returns:
-            Commands for earlier ticks, each to a later one than the command before.
         """
+        tick = self._robot.tick
         while self._arrivals:
             arrival = self._arrivals.popleft()._replace(tick=tick)
             if arrival.again:
@@ -100,10 +85,10 @@ class CommandReceiver:
             try:
                 command = self._judge(arrival, tick)
             except CommandError as error:
-                self._session.refuse(error)
+                self._robot.session.refuse(error)
                 continue
-            if command.tick > self._newest:
-                self._newest = command.tick
+            if command.tick > self._newest_tick:
+                self._newest_tick = command.tick
                 commands.append(command)
         return commands
 
@@ -125,8 +110,8 @@ class CommandReceiver:
                 f'joint_command has {self.publishers} publishers that send commands; allowed: 1',
             )
 
-    def _tick_of(self, stamp: int, now: int) -> int:
-        """The tick of a stamp [ns], which must be before `now`. Raises CommandError."""
+    def _tick_of(self, stamp: Nanoseconds, now: int) -> int:
+        """The tick of a stamp, which must be before `now`. Raises CommandError."""
         tick = self._clock.tick(stamp)
         if tick is None or tick >= now:
             raise CommandError(
@@ -137,21 +122,22 @@ class CommandReceiver:
                 Refusal.OUT_OF_DATE,
                 f'command for tick {tick} at tick {now}, more than {WINDOW} cycles late',
             )
-        if tick < self._newest:
+        if tick < self._newest_tick:
             raise CommandError(
                 Refusal.OUT_OF_ORDER,
-                f'command for tick {tick} at tick {now}, after one for tick {self._newest}',
+                f'command for tick {tick} at tick {now}, after one for tick {self._newest_tick}',
             )
         return tick
 
-    def _positions(self, arrival: _ArrivedCommand) -> np.ndarray:
-        """Commanded positions in the order of the arm's joints, (n,) [rad]. Raises CommandError."""
+    def _positions(self, arrival: _ArrivedCommand) -> JointPositions:
+        """Commanded positions in the order of the arm's joints. Raises CommandError."""
         names = arrival.names
-        if sorted(names) != sorted(self._joint_names):
+        expected = self._robot.plant.joint_names
+        if sorted(names) != sorted(expected):
             raise CommandError(
                 Refusal.WRONG_NAMES,
                 f'got joints {", ".join(names) or "without names"}; '
-                f'expected {", ".join(self._joint_names)} in any order',
+                f'expected {", ".join(expected)} in any order',
             )
         if arrival.positions.shape != (len(names),):
             raise CommandError(
@@ -164,4 +150,4 @@ class CommandReceiver:
                 raise CommandError(
                     Refusal.NOT_FINITE, f'{name} commanded {position} rad; expected a finite value'
                 )
-        return np.array([by_name[name] for name in self._joint_names])
+        return np.array([by_name[name] for name in expected])

@@ -1,58 +1,72 @@
-"""An arm as a model of MuJoCo: its bodies exactly as the URDF has them, and position servos."""
+"""An arm as a model of MuJoCo, its bodies exactly as the URDF has them: with position servos, and
+with a table or a wall that its tip can touch.
+"""
 
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from redres_ros.errors import FileError, RangeError, UnknownNameError, reason_of
-from redres_ros.fake_robot.environment import EnvironmentSettings, add_environment, set_stiffness
+from redres_ros.errors import ArrayError, FileError, UnknownNameError, reason_of
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
+from redres_ros.types import InertiaMatrix, JointPositions
 
-SERVO_GROUP = 1  # of the actuators that act on position and velocity
+PLANT_STEP = 0.0005  # [s] of the simulation; the cycle is a whole multiple of it
+SHAPES = ('none', 'table', 'wall')
+
 _SAMPLES = 200  # random positions from which the largest inertia is estimated
+
+_TIP_RADIUS = 0.005  # [m] of the sphere at the tip, which alone touches anything
+_SURFACE = 'surface'
+_HALF_WIDTH = 0.5  # [m] of the surfaces that pictures show; the tip touches them everywhere
+_FRICTION = 0.3  # coefficient
+# A soft contact of MuJoCo acts like a spring beside an inertia, which is this fraction of the
+# tip's own, or less: the least that there is. An admittance feels it like a mass on the sensor.
+_IMPEDANCE = 0.0001
+_RELAXATION = 0.001  # [s] damping of the contact in relation to its stiffness
+_FRICTION_RATIO = 100.0  # friction is so much stiffer than the contact: the tip does not creep
 
 
 @dataclass(frozen=True)
-class MujocoSettings:
-    """The simulated arm below the level of the reference. Raises RangeError for a wrong figure."""
+class EnvironmentSettings:
+    """What the tip can touch. Raises RangeError, UnknownNameError or ArrayError."""
 
-    plant_step: float = param(
-        0.0005, 'simulation step; the cycle must be a whole multiple of it [s]', 1e-5, 0.01
+    contact_shape: str = param(
+        'none', 'what the tip can touch: a table, or a wall that faces the base', choices=SHAPES
     )
-    servo_bandwidth: float = param(
-        100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0
+    contact_position: tuple[float, ...] = param(
+        (0.5, 0.0, 0.0), 'the tip where it touches, in the base frame [m]', -10.0, 10.0
     )
-    joint_friction: bool = param(
-        False, 'let joint friction act on the servos, as if no joint torque loop compensated it'
-    )
+    contact_stiffness: float = 1e4  # [N/m]
+    contact_friction: float = _FRICTION
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        if not self.servo_bandwidth * self.plant_step <= 0.5:
-            raise RangeError(
-                'servo_bandwidth',
-                self.servo_bandwidth,
-                1.0,
-                0.5 / self.plant_step,
-                f'rad/s at a step of {self.plant_step:g} s',
+        if len(self.contact_position) != 3:
+            raise ArrayError(
+                f'contact_position holds {len(self.contact_position)} numbers; expected 3'
             )
+        if self.contact_shape == 'wall' and not any(self.contact_position[:2]):
+            raise ArrayError('contact_position of a wall is above the base; expected beside it')
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Direction out of the table or wall in the base frame, (3,)."""
+        if self.contact_shape == 'table':
+            return np.array((0.0, 0.0, 1.0))
+        x, y, _ = self.contact_position
+        return np.array((-x, -y, 0.0)) / np.hypot(x, y)
 
 
 def servo_model(
-    arm: Arm, settings: MujocoSettings, environment: EnvironmentSettings
+    arm: Arm, environment: EnvironmentSettings, servo_bandwidth: float
 ) -> mujoco.MjModel:
     """The arm with gravity compensation and three actuators per joint: first all k (q_r - q), then
     all d (dq_r - dq), then all torques that are fed forward.
 
     ctrl is dq_r for the first two; the position actuators integrate it to q_r, their activation, so
     a cycle is one call into C.
-
-    Args:
-        arm: Whose description is simulated.
-        settings: Settings of the simulation and the servos.
-        environment: What the tip can touch.
 
     Raises:
         FileError: MuJoCo cannot use the URDF.
@@ -61,31 +75,35 @@ def servo_model(
     spec = load(arm)
     if spec.body(arm.tip_frame) is None:
         raise UnknownNameError('frame', arm.tip_frame, [body.name for body in spec.bodies])
-    _set_physics(spec, settings)
+    _set_physics(spec)
     _add_actuators(spec)
-    add_environment(spec, arm.tip_frame, environment)
+    has_surface = environment.contact_shape != 'none'
+    if has_surface:
+        _add_surface(spec, arm.tip_frame, environment)
     model = compiled(spec, arm)
-    set_stiffness(model, arm.tip_frame, environment)
-    if not settings.joint_friction:
-        model.dof_damping[:] = 0.0
-        model.dof_frictionloss[:] = 0.0
-    _tune(model, settings.servo_bandwidth)
+    if has_surface:
+        _set_stiffness(model, arm.tip_frame, environment)
+    # KUKA's joint torque loop takes most of the friction out.
+    model.dof_damping[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    _tune(model, servo_bandwidth)
     return model
 
 
 def load(arm: Arm) -> mujoco.MjSpec:
-    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as links touch
-    nothing here. Raises FileError for a URDF that MuJoCo cannot read.
+    """The arm's bodies and joints, inertias exactly as given but for those that no body can have:
+    MuJoCo takes the mean of their moments. Shapes are dropped, as links touch nothing here.
+    Raises FileError for a URDF that MuJoCo cannot read.
     """
     try:
         spec = mujoco.MjSpec.from_string(arm.description())
     except ValueError as error:
-        raise FileError(f'MuJoCo cannot read {arm.urdf}: {error}') from None
+        raise FileError(f'MuJoCo cannot read {arm.source}: {error}') from None
     for shape in (*spec.geoms, *spec.meshes):
         spec.delete(shape)
     compiler = spec.compiler
     compiler.fusestatic = False
-    compiler.balanceinertia = False
+    compiler.balanceinertia = True
     compiler.boundmass = 0.0
     compiler.boundinertia = 0.0
     if arm.armature:
@@ -95,54 +113,36 @@ def load(arm: Arm) -> mujoco.MjSpec:
 
 
 def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
-    """What MuJoCo simulates.
-
-    Args:
-        spec: The arm's bodies, joints and actuators.
-        arm: Whose URDF an error names.
-
-    Raises:
-        FileError: MuJoCo cannot use it.
-    """
+    """What MuJoCo simulates. Raises FileError, which names the arm's URDF, if it cannot."""
     try:
         return spec.compile()
     except ValueError as error:
-        raise FileError(f'MuJoCo cannot use {arm.urdf}: {reason_of(error)}') from None
+        raise FileError(f'MuJoCo cannot use {arm.source}: {reason_of(error)}') from None
 
 
-def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper position limits, both (n,) [rad].
-
-    Args:
-        model: Model of the arm.
-        unlimited: A joint without limits has -unlimited and unlimited [rad].
-    """
+def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[JointPositions, JointPositions]:
+    """Lower and upper position limits; a joint without has -unlimited and unlimited."""
     lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
     return lower, upper
 
 
-def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """M(q), (n, n) [kg m^2], with rotors.
-
-    Args:
-        model: Model of the arm.
-        data: Its state, after mj_fwdPosition.
-    """
+def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> InertiaMatrix:
+    """M(q) with rotors, after mj_fwdPosition."""
     M = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, M)
     return M
 
 
-def _set_physics(spec: mujoco.MjSpec, settings: MujocoSettings) -> None:
+def _set_physics(spec: mujoco.MjSpec) -> None:
     """Time step, gravity compensation, and the ends of the joints' ranges."""
-    spec.option.timestep = settings.plant_step
+    spec.option.timestep = PLANT_STEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Whatever goes wrong, an arm cannot jump to zero.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for body in spec.bodies:
         body.gravcomp = 1.0
     # A hard stop: by default a light arm gets degrees past it.
-    stop = (4.0 * settings.plant_step, 1.0)
+    stop = (4.0 * PLANT_STEP, 1.0)
     for joint in spec.joints:
         joint.actgravcomp = True  # counts as the motor's, towards the effort limit
         joint.solref_limit = stop
@@ -157,10 +157,42 @@ def _add_actuators(spec: mujoco.MjSpec) -> None:
                 trntype=mujoco.mjtTrn.mjTRN_JOINT,
                 dyntype=dynamics,
                 biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-                group=SERVO_GROUP,
             )
     for joint in spec.joints:
         spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+
+
+def _add_surface(spec: mujoco.MjSpec, tip: str, settings: EnvironmentSettings) -> None:
+    """Add the surface and the tip's sphere."""
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = _FRICTION_RATIO
+    sphere = spec.body(tip).add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_TIP_RADIUS, 0, 0))
+    surface = spec.worldbody.add_geom(
+        name=_SURFACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(_HALF_WIDTH, _HALF_WIDTH, 0.01)
+    )
+    surface.pos = np.array(settings.contact_position) - _TIP_RADIUS * settings.normal
+    surface.alt.type = mujoco.mjtOrientation.mjORIENTATION_ZAXIS
+    surface.alt.zaxis = settings.normal
+    for geom in (sphere, surface):
+        geom.mass = 0.0
+        geom.contype = 1
+        geom.conaffinity = 1
+        geom.condim = 3
+    surface.priority = 1  # its figures count, not a mixture
+    surface.friction = (settings.contact_friction, 0.0, 0.0)
+
+
+def _set_stiffness(model: mujoco.MjModel, tip: str, settings: EnvironmentSettings) -> None:
+    """Give the contact its stiffness in N/m, of which MuJoCo's figures depend on the arm.
+
+    At rest the force of a contact with the constant impedance d and the reference -k is
+    k / ((1 - d) w) times the depth, where w is the inverse inertia of the tip.
+    """
+    surface = model.geom(_SURFACE)
+    inverse_inertia = model.body(tip).invweight0[0]
+    reference = settings.contact_stiffness * (1.0 - _IMPEDANCE) * inverse_inertia
+    surface.solref[:] = (-reference, -reference * _RELAXATION)
+    surface.solimp[:] = (_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0)
 
 
 def _tune(model: mujoco.MjModel, bandwidth: float) -> None:

@@ -5,40 +5,27 @@ from dataclasses import dataclass
 from random import Random
 from typing import Generic, TypeVar
 
+from redres_ros.types import Cycles
+
 M = TypeVar('M')
 
 
 @dataclass(frozen=True)
 class Link:
-    """Faults of a network; none by default.
+    """Faults of a network; none by default."""
 
-    Attributes:
-        delay: Delay of every message [cycles].
-        delay_spread: Random delay on top, uniform [cycles]. No message overtakes another.
-        loss: Mean fraction of messages that are lost.
-        loss_burst: Messages lost in a row each time.
-        duplication: Fraction of messages that arrive twice.
-        reordering: Probability that a message arrives right after the next one.
-    """
-
-    delay: int = 0
-    delay_spread: int = 0
-    loss: float = 0.0
-    loss_burst: int = 1
-    duplication: float = 0.0
-    reordering: float = 0.0
+    delay: Cycles = 0  # of every message
+    loss: float = 0.0  # probability that a message is lost
+    duplication: float = 0.0  # probability that a message arrives twice
+    reordering: float = 0.0  # probability that a message arrives right after the next one
 
 
 class NetworkModel(Generic[M]):
     """Delivers messages with the faults of `link`, which may be set at any time.
 
     Faults are random but repeatable: the same seed, messages and links give the same result. Every
-    message draws four random numbers whatever the link, so setting one fault does not move the
+    message draws three random numbers whatever the link, so setting one fault does not move the
     others.
-
-    Args:
-        seed: Random seed.
-        link: Faults of the network.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
@@ -47,17 +34,11 @@ class NetworkModel(Generic[M]):
         # with the tick when each is due, in the order of arrival
         self._under_way: deque[tuple[int, M]] = deque()
         self._overtaken: list[M] = []  # to arrive right after the next message
-        self._still_to_lose = 0
 
     def send(self, message: M, tick: int) -> None:
-        """Send a message.
-
-        Args:
-            message: Delivered unchanged.
-            tick: The present tick.
-        """
-        losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
-        if self._is_lost(losing):
+        """Send a message at a tick; it is delivered unchanged."""
+        losing, doubling, overtaking = (self._random.random() for _ in range(3))
+        if losing < self.link.loss:
             return
         copies = [message]
         if doubling < self.link.duplication:
@@ -65,7 +46,7 @@ class NetworkModel(Generic[M]):
         if not self._overtaken and overtaking < self.link.reordering:
             self._overtaken = copies
             return
-        due = tick + self.link.delay + int(spread * (self.link.delay_spread + 1))
+        due = tick + self.link.delay
         self._under_way.extend((due, arriving) for arriving in (*copies, *self._overtaken))
         self._overtaken = []
 
@@ -77,17 +58,3 @@ class NetworkModel(Generic[M]):
         while self._under_way and self._under_way[0][0] <= tick:
             arrived.append(self._under_way.popleft()[1])
         return arrived
-
-    def _is_lost(self, chance: float) -> bool:
-        """Whether the next message is lost. Losses come in bursts; `loss` is their
-        mean fraction.
-        """
-        loss = self.link.loss
-        burst = self.link.loss_burst
-        if not loss:
-            self._still_to_lose = 0
-        elif self._still_to_lose == 0 and chance < loss / (loss + burst * (1.0 - loss)):
-            self._still_to_lose = burst
-        lost = self._still_to_lose > 0
-        self._still_to_lose -= lost
-        return lost

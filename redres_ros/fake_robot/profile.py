@@ -1,23 +1,17 @@
-"""Session profiles as tables: states, transitions, and thresholds of the timing."""
+"""Kinds of sessions: states and transitions, qualities of a connection, how limits are applied."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import Enum
 
-from redres_ros.fake_robot.command_validator import KUKA_NAMES, Reflex, ValidatorSettings
-from redres_ros.fake_robot.quality import (
-    FciQuality,
-    Quality,
-    SunriseQuality,
-    Threshold,
-    thresholds_of,
-)
+from redres_ros.types import Radians, Seconds
+
+_HALF_A_DEGREE = math.radians(0.5)
 
 
 class State(Enum):
-    """Session states of all profiles. The arm follows its client in CMD,
-    COMMANDING_ACTIVE and MOVE only.
-    """
+    """Session states of all profiles."""
 
     MON = 'MON'
     CMD = 'CMD'
@@ -43,53 +37,76 @@ class Event(Enum):
     RESET = 'a reset was requested'
 
 
+class Reflex(Enum):
+    """Causes of a stop. Each profile has its own names for them; a stop reason begins with one."""
+
+    TIMING = 'commands are missing or come too late'
+    START_POSE = 'the first command is not where the arm is'
+    POSITION = 'a commanded position is outside its limits'
+    BRAKING = 'at the commanded velocity the joint can no longer stop before its limit'
+    VELOCITY = 'a commanded velocity is above its limit'
+    ACCELERATION = 'the commanded velocity changes too fast'
+    JERK = 'the commanded acceleration changes too fast'
+
+
+# Words of ours, as KUKA's are not public.
+_KUKA_NAMES = {
+    Reflex.TIMING: 'timing',
+    Reflex.START_POSE: 'interpolation error',
+    Reflex.POSITION: 'position limit',
+    Reflex.BRAKING: 'position limit',
+    Reflex.VELOCITY: 'velocity limit',
+    Reflex.ACCELERATION: 'protective stop',
+    Reflex.JERK: 'protective stop',
+}
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Bounds on the statistics of a connection. Figures of ours, since KUKA's are not public."""
+
+    response_rate: float  # at least
+    latency: float  # at most [cycles]
+    jitter: float  # at most [cycles]
+    miss_rate: float  # at most
+
+
+# by the number of the quality; the worst one has none
+THRESHOLDS = {
+    3: Threshold(response_rate=0.95, latency=1.0, jitter=1.0, miss_rate=0.05),
+    2: Threshold(response_rate=0.85, latency=2.0, jitter=2.0, miss_rate=0.15),
+    1: Threshold(response_rate=0.60, latency=4.0, jitter=4.0, miss_rate=0.40),
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A kind of session.
+    """A kind of session. The defaults are those of KUKA's robots.
 
-    Attributes:
-        name: The parameter that chooses it.
-        transitions: From each state of its sessions by an event to another state; other events
-            change nothing.
-        commanding: The state in which the arm follows its client.
-        thresholds: Thresholds of every quality but the worst, best first.
-        entry: Quality needed for command mode to begin.
-        lowest: Quality below which command mode ends.
-        reflexes: What each cause of a stop is called.
-        bridged_misses: Cycles in a row without a command that are bridged by default.
-        extrapolates_acceleration: Whether a bridged command keeps its last acceleration, and
-            not at its last velocity.
-        guard: How limits are applied by default.
+    `transitions` lead from each state, the first of which is the initial one, by an event to
+    another state; other events change nothing.
     """
 
     name: str
     transitions: Mapping[State, Mapping[Event, State]]
-    commanding: State
-    thresholds: Mapping[IntEnum, Threshold]
-    entry: IntEnum
-    lowest: IntEnum
-    reflexes: Mapping[Reflex, str]
-    bridged_misses: int
-    extrapolates_acceleration: bool
-    guard: ValidatorSettings
+    commanding: State  # in which the arm follows its client
+    qualities: tuple[str, str, str, str]  # names, the worst first
+    entry: int  # the least quality with which command mode begins
+    lowest: int  # the least quality with which it goes on
+    reflexes: Mapping[Reflex, str]  # what each cause of a stop is called
+    bridged_misses: int = 5  # cycles in a row without a command that are extrapolated
+    extrapolates_acceleration: bool = False  # and not only the velocity
 
-    @property
-    def states(self) -> tuple[State, ...]:
-        """The states of its sessions, which begin in the first one."""
-        return tuple(self.transitions)
+    # How limits are applied. The acceleration is averaged over the window.
+    acceleration_window: Seconds = 0.02
+    acceleration_tolerance: Seconds = 2e-4  # allowed excess: so long at twice the limit
+    position_margin: Radians = _HALF_A_DEGREE  # kept from the position limits
+    velocity_stops: bool = False  # a velocity above its limit is a fault, and not just limited
+    jerk_limit: float = math.inf  # [rad/s^3]
 
     def after(self, state: State, event: Event) -> State:
-        """The state to which an event leads.
-
-        Args:
-            state: The one before.
-            event: What happens in it.
-        """
+        """The state to which an event leads."""
         return self.transitions[state].get(event, state)
-
-    def awaits_command(self, state: State) -> bool:
-        """Whether a first command leads on from this state."""
-        return Event.FIRST_COMMAND in self.transitions[state]
 
 
 LWR_FRI1 = Profile(
@@ -99,13 +116,10 @@ LWR_FRI1 = Profile(
         State.CMD: dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), State.MON),
     },
     commanding=State.CMD,
-    thresholds=thresholds_of(Quality),
-    entry=Quality.PERFECT,
-    lowest=Quality.BAD,
-    reflexes=KUKA_NAMES,
-    bridged_misses=5,
-    extrapolates_acceleration=False,
-    guard=ValidatorSettings(),
+    qualities=('UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'),
+    entry=3,
+    lowest=1,
+    reflexes=_KUKA_NAMES,
 )
 
 _ANY_TIMING = (Event.POOR_TIMING, Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
@@ -121,25 +135,23 @@ SUNRISE = Profile(
         # Any command opens the session.
         State.IDLE: dict.fromkeys(_ANY_TIMING, State.MONITORING_WAIT),
         State.MONITORING_WAIT: _CLOSED | dict.fromkeys(_GOOD_TIMING, State.MONITORING_READY),
-        # The robot's program wants commands.
+        # The robot's program asks for commands.
         State.MONITORING_READY: _CLOSED | {Event.LONG_GOOD_TIMING: State.COMMANDING_WAIT},
         State.COMMANDING_WAIT: _CLOSED | {Event.FIRST_COMMAND: State.COMMANDING_ACTIVE},
         State.COMMANDING_ACTIVE: _CLOSED,
     },
     commanding=State.COMMANDING_ACTIVE,
-    thresholds=thresholds_of(SunriseQuality),
-    entry=SunriseQuality.GOOD,
-    lowest=SunriseQuality.GOOD,
-    reflexes=KUKA_NAMES,
-    bridged_misses=5,
-    extrapolates_acceleration=False,
-    guard=ValidatorSettings(),
+    qualities=('POOR', 'FAIR', 'GOOD', 'EXCELLENT'),
+    entry=2,
+    lowest=2,
+    reflexes=_KUKA_NAMES,
 )
 
 # The Franka Control Interface as a client of joint positions sees it. States and reflexes have
-# libfranka's names. Franka's documentation of the interface has the figures: with constant
-# acceleration the robot bridges packets that are lost, the twentieth in a row ends the motion, and
-# the joints of FR3 have a jerk limit of 5000 rad/s^3, differences being taken over 1 ms.
+# libfranka's names; those of qualities are ours. Franka's documentation of the interface has the
+# figures: with constant acceleration the robot bridges packets that are lost, the twentieth in a
+# row ends the motion, and the joints of FR3 have a jerk limit of 5000 rad/s^3, differences being
+# taken over 1 ms.
 FCI = Profile(
     name='fci',
     transitions={
@@ -156,9 +168,9 @@ FCI = Profile(
         },
     },
     commanding=State.MOVE,
-    thresholds=thresholds_of(FciQuality),
-    entry=FciQuality.GOOD,
-    lowest=FciQuality.INSUFFICIENT,
+    qualities=('INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'),
+    entry=2,
+    lowest=0,
     reflexes={
         Reflex.TIMING: 'communication_constraints_violation',
         Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
@@ -170,13 +182,11 @@ FCI = Profile(
     },
     bridged_misses=19,
     extrapolates_acceleration=True,
-    guard=ValidatorSettings(
-        acceleration_window=1e-4,  # a single cycle
-        position_margin=0.0,
-        acceleration_tolerance=0.0,
-        velocity_stops=True,
-        jerk_limit=5000.0,
-    ),
+    acceleration_window=1e-4,  # a single cycle
+    acceleration_tolerance=0.0,
+    position_margin=0.0,
+    velocity_stops=True,
+    jerk_limit=5000.0,
 )
 
 PROFILES = {profile.name: profile for profile in (LWR_FRI1, SUNRISE, FCI)}

@@ -7,50 +7,38 @@ from typing import Protocol
 
 import numpy as np
 
-from redres_ros.errors import JointNamesError, RedresError
+from redres_ros.errors import JointNamesError
 from redres_ros.fake_robot.command_validator import CommandValidator
-from redres_ros.fake_robot.session import Session
+from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.types import Cycles, JointPositions, JointVelocities, Seconds
 
 # fraction of the acceleration limit that closes a lag; the rest is left to the command itself
 _CATCH_UP = 0.5
 
 
 class Plant(Protocol):
-    """The simulated arm.
-
-    Attributes:
-        joint_names: Names of the joints, in the order of every array.
-        period: The cycle [s], which `step` takes.
-        q: Positions, (n,) [rad], an array of its own each time.
-        dq: Velocities, (n,) [rad/s], likewise.
-    """
+    """The simulated arm. Its arrays are new ones each time."""
 
     joint_names: tuple[str, ...]
-    period: float
+    period: Seconds
 
     @property
-    def q(self) -> np.ndarray: ...
+    def q(self) -> JointPositions: ...
 
     @property
-    def dq(self) -> np.ndarray: ...
+    def dq(self) -> JointVelocities: ...
 
-    def step(self, q_ref: np.ndarray) -> None: ...
+    def step(self, q_ref: JointPositions) -> None: ...
 
 
 @dataclass(frozen=True)
 class ClientCommand:
-    """A client's valid command for the state of one tick.
-
-    Attributes:
-        tick: That of the state.
-        q: Commanded position, outside command mode where the arm stands, (n,) [rad].
-        latency: Time from the state to the arrival of the command [s]; 0 if it is not measured.
-    """
+    """A client's valid command for the state of one tick."""
 
     tick: int
-    q: np.ndarray
-    latency: float = 0.0
+    q: JointPositions
+    latency: Seconds = 0.0  # from the state to the arrival of the command; 0: not measured
 
 
 @dataclass(frozen=True)
@@ -59,37 +47,24 @@ class _Course:
 
     What was extrapolated before must not enter: fed back like that, a client that is always late
     would be unstable.
-
-    Attributes:
-        tick: That of the last command.
-        q: Its command, (n,) [rad].
-        slope: The last step from tick to tick, (n,) [rad].
-        curve: Its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
     """
 
-    tick: int
-    q: np.ndarray
-    slope: np.ndarray
-    curve: np.ndarray
+    tick: int  # of the last command
+    q: JointPositions  # that command
+    slope: JointPositions  # the last step from tick to tick
+    curve: JointPositions  # its change from tick to tick; 0 for a straight line
 
     @classmethod
-    def standstill(cls, tick: int, q: np.ndarray) -> '_Course':
-        """A course at rest at q (n,) [rad] since a tick."""
+    def standstill(cls, tick: int, q: JointPositions) -> '_Course':
         return cls(tick, q, np.zeros_like(q), np.zeros_like(q))
 
-    def at(self, tick: int) -> np.ndarray:
-        """The command for the state of a tick, (n,) [rad]."""
+    def at(self, tick: int) -> JointPositions:
+        """The command for the state of a tick."""
         ahead = tick - self.tick
         return self.q + ahead * self.slope + 0.5 * ahead * (ahead + 1) * self.curve
 
     def through(self, command: ClientCommand, curved: bool) -> '_Course':
-        """The course after another command.
-
-        Args:
-            command: Command for a later tick.
-            curved: Whether the course goes on with the last change of its step, and not straight
-                on.
-        """
+        """The course after a command for a later tick; not curved: straight on."""
         q = np.array(command.q, dtype=np.float64)
         ticks = command.tick - self.tick
         slope = (q - self.q) / ticks  # (n,) the mean step since the last command
@@ -103,96 +78,61 @@ class _Course:
 class FakeRobot:
     """A robot that sends its state at tick k and moves by the command for the state of tick k - 1.
 
-    Attributes:
-        tick: Number k of the present tick.
-        period: The cycle [s].
-        joint_names: Names of the joints, in the order of every array.
-
-    Args:
-        plant: The arm.
-        guard: What may be commanded.
-        session: Who may command, and when.
-
-    Raises:
-        RedresError: If the parts do not have the same cycle.
-        JointNamesError: If they do not have the same joints.
+    Raises JointNamesError for limits of other joints than the plant's.
     """
 
-    def __init__(self, plant: Plant, guard: CommandValidator, session: Session) -> None:
-        if not plant.period == guard.period == session.period:
-            raise RedresError(
-                f'plant, guard and session have cycles of {plant.period:g}, {guard.period:g} and '
-                f'{session.period:g} s; they must be the same'
-            )
-        if plant.joint_names != guard.limits.joint_names:
-            raise JointNamesError(plant.joint_names, guard.limits.joint_names)
-        self.session = session
-        self._plant = plant
-        self._guard = guard
-        self._follower = ReferenceInterpolator(guard.limits, plant.period, plant.q)
-        self.tick = 0
-        self.period = plant.period
-        self.joint_names = plant.joint_names
+    def __init__(
+        self, plant: Plant, limits: JointLimits, settings: SessionSettings | None = None
+    ) -> None:
+        if plant.joint_names != limits.joint_names:
+            raise JointNamesError(plant.joint_names, limits.joint_names)
+        self.session = Session(plant.period, settings or SessionSettings())
+        self.plant = plant
+        self.tick = 0  # k
+        self._validator = CommandValidator(limits, plant.period, self.session.profile)
+        self._interpolator = ReferenceInterpolator(limits, plant.period, plant.q)
         self._course = _Course.standstill(-1, plant.q)
-        self._curved = session.profile.extrapolates_acceleration
         self._command = plant.q  # (n,) [rad] last one executed
-
-    @property
-    def q(self) -> np.ndarray:
-        """Joint positions measured at this tick, (n,) [rad]."""
-        return self._plant.q
-
-    @property
-    def dq(self) -> np.ndarray:
-        """Joint velocities at this tick, (n,) [rad/s]."""
-        return self._plant.dq
 
     @property
     def at_rest(self) -> bool:
         """Whether the reference stands still."""
-        return self._follower.at_rest
+        return self._interpolator.at_rest
 
     @property
-    def reference(self) -> np.ndarray:
-        """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
-        return self._follower.reference
+    def reference(self) -> JointPositions:
+        """Where the plant was sent in the last cycle."""
+        return self._interpolator.reference.copy()
 
-    def advance(self, *commands: ClientCommand | None) -> None:
-        """Move from tick k to k + 1.
+    def advance(self, *commands: ClientCommand) -> None:
+        """Move from tick k to k + 1, by the commands that came since the last call, in the order of
+        their ticks.
 
-        A command for state k - 1 is in time, an ideal plant at its position at tick k + 1. An
-        older one is late: the command is taken to have gone on since then at its last velocity, as
-        it does when no command comes. Outside command mode the arm holds its position; from any
-        motion it is braked there.
-
-        Args:
-            commands: Those that came since the last call, as a CommandReceiver gives them: each for
-                a tick before this one and after that of the command before. None is none.
+        A command for state k - 1 is in time, an ideal plant at its position at tick k + 1. An older
+        one is late: the command is taken to have gone on since then at its last velocity, as it
+        does when no command comes. Outside command mode the arm holds its position; from any motion
+        it is braked there.
         """
         if self.tick > 0:  # before, no state has been sent that a command could be for
             self._receive(commands)
         if self.session.commanding:
             self._execute(self._course.at(self.tick - 1))
         if not self.session.commanding:
-            self._follower.brake()
-        self._plant.step(self._follower.reference)
+            self._interpolator.brake()
+        self.plant.step(self.reference)
         self.tick += 1
 
-    def reset(self) -> None:
-        """Clear the reason of a stop and start monitoring again; an arm that moves is braked."""
-        self.session.reset()
-
-    def _receive(self, commands: tuple[ClientCommand | None, ...]) -> None:
+    def _receive(self, commands: tuple[ClientCommand, ...]) -> None:
         """Count the cycle in the session; extrapolate from the commands."""
-        lateness = None
+        lateness: Cycles | None = None
         latency = 0.0
         for command in commands:
-            if command is not None:
-                self._course = self._course.through(command, self._curved)
-                lateness = self.tick - 1 - command.tick
-                latency = command.latency
+            curved = self.session.profile.extrapolates_acceleration
+            self._course = self._course.through(command, curved)
+            lateness = self.tick - 1 - command.tick
+            latency = command.latency
         self.session.record(lateness, latency)
-        if self.session.ready and self._follower.at_rest:
+        if self.session.ready and self.at_rest:
             self._begin()
 
     def _begin(self) -> None:
@@ -200,97 +140,79 @@ class FakeRobot:
         standstill there.
         """
         command = self._course.q
-        self.session.offer(float(np.abs(command - self._follower.reference).max()))
+        self.session.offer(float(np.abs(command - self.reference).max()))
         if self.session.commanding:
             self._course = _Course.standstill(self._course.tick, command)
             self._command = command
-            self._follower.begin(command)
-            self._guard.begin()
+            self._interpolator.begin(command)
+            self._validator.begin()
 
-    def _execute(self, command: np.ndarray) -> None:
-        """Follow the command (n,) [rad], unless the validator has a reason to stop."""
+    def _execute(self, command: JointPositions) -> None:
+        """Follow the command, unless the validator has a reason to stop."""
         step = command - self._command  # (n,)
-        if reason := self._guard.violation(command, step / self.period):
+        if reason := self._validator.violation(command, step / self.plant.period):
             self.session.stop(reason)
             return
-        self._follower.follow(command, step)
+        self._interpolator.follow(command, step)
         self._command = command
 
 
 class ReferenceInterpolator:
-    """Advances the reference of one arm, cycle by cycle.
+    """Advances the reference of one arm, cycle by cycle, from where it stands still.
 
     The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
     faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
     limits are kept too, from wherever the arm stands.
-
-    Args:
-        limits: Limits of the joints.
-        period: The cycle [s].
-        q: Where the arm stands still, (n,) [rad].
     """
 
-    def __init__(self, limits: JointLimits, period: float, q: np.ndarray) -> None:
+    def __init__(self, limits: JointLimits, period: Seconds, q: JointPositions) -> None:
         self._limits = limits
         self._max_step = limits.velocity * period  # (n,) [rad] in one cycle
         # (n,) [rad] change of the step from cycle to cycle; if accelerations are not limited, by
         # velocities alone
         self._max_change = np.minimum(limits.acceleration * period**2, 2.0 * self._max_step)
-        self._reference = np.array(q, dtype=np.float64)  # (n,)
-        self._step = np.zeros_like(self._reference)  # (n,) last move of the reference
-        self.begin(self._reference)
-
-    @property
-    def reference(self) -> np.ndarray:
-        """Reference in force, (n,) [rad]."""
-        return self._reference.copy()
+        self.reference = np.array(q, dtype=np.float64)  # (n,), replaced in each cycle
+        self._step = np.zeros_like(self.reference)  # (n,) last move of the reference
+        self.begin(self.reference)
 
     @property
     def at_rest(self) -> bool:
         """Whether the reference stands still."""
         return not self._step.any()
 
-    def begin(self, command: np.ndarray) -> None:
-        """Follow constant commands at `command` (n,) [rad]; the distance to it is a lag."""
-        self._lag = command - self._reference  # (n,)
+    def begin(self, command: JointPositions) -> None:
+        """Follow constant commands; the distance to them is a lag."""
+        self._lag = command - self.reference  # (n,)
         self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
 
-    def follow(self, command: np.ndarray, step: np.ndarray) -> None:
-        """Move on to a command.
-
-        Args:
-            command: Where to, (n,) [rad].
-            step: How far that is beyond the command before, (n,) [rad].
-        """
+    def follow(self, command: JointPositions, step: JointPositions) -> None:
+        """Move on to a command, a step beyond the command before."""
         change = _CATCH_UP * self._max_change  # (n,)
         # A lag d is closed at sqrt(a d), a braking curve at half of the acceleration a that the
         # ramp allows. So it is not overshot.
-        wanted = np.copysign(
-            np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag
-        )
-        closing = self._closing + _bounded(wanted - self._closing, change)
+        speed = np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag)))
+        desired = np.copysign(speed, self._lag)
+        closing = self._closing + _bounded(desired - self._closing, change)
         self._move(command - (self._lag - closing))
         self._closing = self._step - step
-        self._lag = command - self._reference
+        self._lag = command - self.reference
 
     def brake(self) -> None:
         """Decelerate to rest, each joint as fast as its acceleration limit allows."""
-        self._move(self._reference + (self._step - _bounded(self._step, self._max_change)))
+        self._move(self.reference + (self._step - _bounded(self._step, self._max_change)))
 
-    def _move(self, target: np.ndarray) -> None:
+    def _move(self, target: JointPositions) -> None:
         """Go to the target or as near as the limits allow; an arm beyond a position limit can only
         come back.
         """
-        last = self._reference
+        last = self.reference
         limits = self._limits
         upper = np.minimum(np.maximum(limits.upper, last), last + self._max_step)
         lower = np.maximum(np.minimum(limits.lower, last), last - self._max_step)
-        self._reference = np.maximum(lower, np.minimum(target, upper))
-        self._step = self._reference - last
+        self.reference = np.maximum(lower, np.minimum(target, upper))
+        self._step = self.reference - last
 
 
 def _bounded(value: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """The value brought within -bound and bound; several times as fast as np.clip for so few
-    joints.
-    """
+    """The value brought within -bound and bound."""
     return np.minimum(np.maximum(value, -bound), bound)

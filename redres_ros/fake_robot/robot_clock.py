@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+
+from redres_ros.types import Nanoseconds, Seconds
 
 NANOSECONDS = 1_000_000_000
 
@@ -10,14 +11,7 @@ NANOSECONDS = 1_000_000_000
 # client has nine tenths of the usual time to respond.
 CATCH_UP = 0.1
 
-_REMEMBERED = 256  # states whose time of sending is kept, to assign commands to them
-
-
-class _Sent(NamedTuple):
-    """A state that was sent."""
-
-    tick: int
-    time: float  # [s], on a clock that stands still when the robot's does
+_KEPT = 256  # states whose time of sending is kept, to assign commands to them
 
 
 class RobotClock:
@@ -28,57 +22,53 @@ class RobotClock:
     another a little faster, until the stamps are as far on as the computer's clock again. While
     nothing moves they may jump there by whole periods (`skip`).
 
-    Args:
-        epoch: Stamp of tick 0 [ns].
-        period: Time from stamp to stamp [ns].
-
     Attributes:
-        stood_still: How long the clock has stood still since the start [s]. Latencies do not
-            count it.
-        lag: How far the stamps are behind the computer's clock [s].
+        stood_still: How long the clock has stood still since the start. Latencies do not count it.
+        lag: How far the stamps are behind the computer's clock.
     """
 
-    def __init__(self, epoch: int, period: int) -> None:
+    def __init__(self, epoch: Nanoseconds, period: Nanoseconds) -> None:
+        """A clock with the stamp `epoch` at tick 0."""
         self.period = period
-        self.stood_still = 0.0
-        self.lag = 0.0
+        self.stood_still: Seconds = 0.0
+        self.lag: Seconds = 0.0
         self._epoch = epoch
         self._due = time.monotonic()  # when the next tick is to come [s]
-        self._sent: dict[int, _Sent] = {}  # the last states by stamp [ns], oldest first
+        # Tick and time [s] of the last states by stamp, oldest first. The time is on a clock that
+        # stands still when the robot's does.
+        self._sent: dict[Nanoseconds, tuple[int, Seconds]] = {}
 
-    def stamp(self, tick: int) -> int:
-        """Stamp of this tick or one to come [ns]."""
+    def stamp(self, tick: int) -> Nanoseconds:
+        """Stamp of this tick or one to come."""
         return self._epoch + tick * self.period
 
-    def send(self, tick: int) -> int:
-        """Stamp of a tick [ns] whose state goes out now."""
+    def send(self, tick: int) -> Nanoseconds:
+        """Stamp of a tick whose state goes out now."""
         stamp = self.stamp(tick)
-        self._sent[stamp] = _Sent(tick, time.monotonic() - self.stood_still)
-        if len(self._sent) > _REMEMBERED:
+        self._sent[stamp] = (tick, time.monotonic() - self.stood_still)
+        if len(self._sent) > _KEPT:
             del self._sent[next(iter(self._sent))]
         return stamp
 
-    def tick(self, stamp: int) -> int | None:
-        """Tick of a state that went out, by its stamp [ns]; None if none of the last has it."""
+    def tick(self, stamp: Nanoseconds) -> int | None:
+        """Tick of a state that went out, by its stamp; None if none of the last has it."""
         sent = self._sent.get(stamp)
-        return None if sent is None else sent.tick
+        return None if sent is None else sent[0]
 
-    def latency(self, stamp: int, arrived: float) -> float:
-        """Time from a state to its command, without that in which the clock stood still [s].
+    def latency(self, stamp: Nanoseconds, arrived: Seconds) -> Seconds:
+        """Time from a state that went out to its command, which arrived at an instant of the
+        monotonic clock, without that in which the clock stood still.
 
         For a command that came before the clock stood still this is too little, but never below 0.
-
-        Args:
-            stamp: That of a state that went out [ns].
-            arrived: Instant of the monotonic clock [s].
         """
-        return max(arrived - self.stood_still - self._sent[stamp].time, 0.0)
+        _, sent_at = self._sent[stamp]
+        return max(arrived - self.stood_still - sent_at, 0.0)
 
     def restart(self) -> None:
         """The next tick is due one period from now."""
         self._due = time.monotonic()
 
-    def wait(self, sleep: Callable[[float], None] = time.sleep) -> None:
+    def wait(self, sleep: Callable[[Seconds], None] = time.sleep) -> None:
         """Sleep until the next tick is due; after a delay of more than a period go on from here,
         without a burst.
         """

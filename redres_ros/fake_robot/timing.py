@@ -1,203 +1,134 @@
-"""Timing of a client: statistics over the last packets, the resulting quality, counts since the
-start.
-"""
+"""Timing of a client: statistics over the last packets, the resulting quality, and counts."""
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import NamedTuple
+from dataclasses import astuple, dataclass
 
-from redres_ros.fake_robot.quality import Statistics, Threshold
+from redres_ros.fake_robot.profile import THRESHOLDS
 from redres_ros.fake_robot.robot_clock import NANOSECONDS
+from redres_ros.types import Cycles, Seconds
 
 WINDOW = 100  # packets
 
-_HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
-
 
 @dataclass(frozen=True)
+class Statistics:
+    """The five figures that FRI reports, over the last WINDOW packets."""
+
+    response_rate: float = 0.0  # fraction of cycles in which a command arrived, late or not
+    latency: Seconds = 0.0  # mean time from a state to its command
+    jitter: Seconds = 0.0  # standard deviation of that time
+    miss_rate: float = 0.0  # fraction of cycles without a command in time
+    miss_count: int = 0  # cycles without a command in time since the start
+
+
+@dataclass
 class Counts:
-    """Counts of cycles by their outcome, since the start.
+    """Numbers of cycles by their outcome, since the start. The session counts."""
 
-    Attributes:
-        cycles: in_time + late + missed.
-        in_time: Commands in time.
-        late: Commands that came late.
-        missed: No command came.
-        longest_run: Most cycles in a row without a command in time.
-        bridged: Cycles in command mode whose command was extrapolated.
-        refused: Messages that were no valid command.
-    """
-
-    cycles: int = 0
+    cycles: int = 0  # in_time + late + missed
     in_time: int = 0
-    late: int = 0
-    missed: int = 0
-    longest_run: int = 0
-    bridged: int = 0
-    refused: int = 0
+    late: int = 0  # their command came late
+    missed: int = 0  # no command came
+    longest_run: int = 0  # most cycles in a row without a command in time
+    bridged: int = 0  # in command mode, whose command was extrapolated
+    refused: int = 0  # messages that were no valid command
 
 
 class TimingMonitor:
     """Monitors the timing of one client, packet by packet.
 
-    Recording only counts; the figures are computed when they are asked for.
-
-    Args:
-        period: The cycle [s].
-        thresholds: Thresholds of every quality but the worst, best first.
+    Attributes:
+        age: Cycles by which the newest command is too old: they have to be bridged.
+        quality: The best one whose threshold the statistics meet, 3, or else 2, 1, 0.
+        at_fault: Which statistic keeps it from being better by one; empty for the best.
     """
 
-    def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold]) -> None:
-        self._thresholds = {
-            quality: threshold.seconds(period) for quality, threshold in thresholds.items()
-        }
-        self._worst = min(type(next(iter(thresholds))))
-        self._latenesses: deque[int | None] = deque([None] * WINDOW)  # of the last packets
-        self._latencies = _Latencies()
-        self._responses = 0
-        self._newly_in_time = 0  # among the last packets
-        self._age = 0
-        self._run = 0
-        self._longest_run = 0
-        self._in_time = 0
-        self._late = 0
-        self._missed = 0
-        self._verdict: _Verdict | None = None  # on the packets so far; None: not asked for yet
+    def __init__(self, period: Seconds) -> None:
+        self._period = period
+        self._latenesses: deque[Cycles | None] = deque(maxlen=WINDOW)
+        self._latencies: deque[int] = deque(maxlen=WINDOW)  # [ns]: their sums are exact
+        self._run: Cycles = 0
+        self.age: Cycles = 0
+        self.counts = Counts()
+        self._judge()
 
-    def record(self, lateness: int | None, latency: float) -> None:
-        """Enter one cycle.
-
-        Args:
-            lateness: Lateness of its command [cycles]; 0: in time, None: no command.
-            latency: Time from the state to its command [s].
+    def record(self, lateness: Cycles | None, latency: Seconds) -> None:
+        """Enter one cycle, by the lateness of its command, 0: in time, None: no command; and the
+        time from the state to the command.
         """
-        self._enter(lateness)
+        counts = self.counts
+        counts.cycles += 1
+        self._latenesses.append(lateness)
         if lateness is None:
-            self._missed += 1
-            self._age += 1
+            counts.missed += 1
+            self.age += 1
         else:
-            self._latencies.append(latency)
-            self._in_time += lateness == 0
-            self._late += lateness > 0
-            self._age = lateness
+            self._latencies.append(round(NANOSECONDS * latency))
+            counts.in_time += lateness == 0
+            counts.late += lateness > 0
+            self.age = lateness
         self._run = 0 if lateness == 0 else self._run + 1
-        self._longest_run = max(self._longest_run, self._run)
-        self._verdict = None
-
-    @property
-    def age(self) -> int:
-        """Cycles by which the newest command is too old: they have to be bridged."""
-        return self._age
+        counts.longest_run = max(counts.longest_run, self._run)
+        self._judge()
 
     @property
     def silent(self) -> bool:
-        """Whether none of the last WINDOW packets got a command."""
-        return self._responses == 0
-
-    @property
-    def statistics(self) -> Statistics:
-        """The five figures as they stand."""
-        return Statistics(*self._judge().figures, miss_count=self._late + self._missed)
-
-    @property
-    def quality(self) -> IntEnum:
-        """The best quality whose threshold the statistics meet; before any packet the worst."""
-        return self._judge().quality
-
-    @property
-    def at_fault(self) -> str:
-        """Which statistic keeps the quality from being the next better one; empty for the best."""
-        return self._judge().at_fault
+        """Whether none of the last packets got a command."""
+        return self.statistics.response_rate == 0.0
 
     @property
     def complaint(self) -> str:
-        """The same in words, with the figure and what the next better quality asks for."""
-        _, quality, at_fault = self._judge()
-        if not at_fault:
+        """The statistic at fault beside its bound, such as 'latency 9.1 ms, allowed 8 ms'."""
+        name = self.at_fault
+        if not name:
             return ''
-        return self._thresholds[type(quality)(quality + 1)].describe(
-            at_fault, getattr(self.statistics, at_fault)
-        )
+        value = getattr(self.statistics, name)
+        bound = getattr(THRESHOLDS[self.quality + 1], name)
+        if name in ('latency', 'jitter'):
+            bound *= self._period
+            return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
+        expected = 'needed' if name == 'response_rate' else 'allowed'
+        return f'{name.replace("_", " ")} {value:.0%}, {expected} {bound:.0%}'
 
-    def counts(self, bridged: int, refused: int) -> Counts:
-        """Counts of cycles by their outcome, so far.
-
-        Args:
-            bridged: Cycles that were bridged, which the session knows.
-            refused: Commands that were refused, likewise.
-        """
-        cycles = self._in_time + self._late + self._missed
-        return Counts(
-            cycles, self._in_time, self._late, self._missed, self._longest_run, bridged, refused
-        )
-
-    def _enter(self, lateness: int | None) -> None:
-        oldest = self._latenesses.popleft()
-        self._latenesses.append(lateness)
-        self._responses += (lateness is not None) - (oldest is not None)
-        self._newly_in_time += (lateness == 0) - (oldest == 0)
-
-    def _judge(self) -> '_Verdict':
-        if self._verdict is None:
-            self._verdict = self._find()
-        return self._verdict
-
-    def _find(self) -> '_Verdict':
-        """The best quality first, as it is the usual one."""
-        figures = self._figures()
-        at_fault = ''
-        for quality, threshold in self._thresholds.items():
-            breach = threshold.breach(*figures)
+    def _judge(self) -> None:
+        """Compute the statistics, and the best quality that they allow."""
+        self.statistics = self._statistics()
+        self.at_fault = ''
+        for quality in THRESHOLDS:
+            self.quality = quality
+            breach = self._breach(quality)
             if not breach:
-                return _Verdict(figures, quality, at_fault)
-            at_fault = breach
-        return _Verdict(figures, self._worst, at_fault)
+                return
+            self.at_fault = breach
+        self.quality = 0
 
-    def _figures(self) -> tuple[float, float, float, float]:
-        """Response rate, latency [s], jitter [s] and miss rate."""
-        packets = min(self._in_time + self._late + self._missed, WINDOW)
+    def _breach(self, quality: int) -> str:
+        """Name of the statistic that breaks its bound, empty if none does.
+
+        Misses follow from commands that are lost or late: they are named last.
+        """
+        response_rate, latency, jitter, miss_rate, _ = astuple(self.statistics)
+        bounds = THRESHOLDS[quality]
+        if response_rate < bounds.response_rate:
+            return 'response_rate'
+        if latency > bounds.latency * self._period:
+            return 'latency'
+        if jitter > bounds.jitter * self._period:
+            return 'jitter'
+        return 'miss_rate' if miss_rate > bounds.miss_rate else ''
+
+    def _statistics(self) -> Statistics:
+        packets = len(self._latenesses)
         if not packets:
-            return 0.0, 0.0, 0.0, 0.0
-        return (
-            self._responses / packets,
-            *self._latencies.mean_and_deviation(),
-            (packets - self._newly_in_time) / packets,
+            return Statistics()
+        n = max(len(self._latencies), 1)
+        total = sum(self._latencies)
+        variance = n * sum(latency * latency for latency in self._latencies) - total * total
+        return Statistics(
+            response_rate=(packets - self._latenesses.count(None)) / packets,
+            latency=total / (n * NANOSECONDS),
+            jitter=math.sqrt(variance) / (n * NANOSECONDS),  # variance: [ns^2], n^2 times
+            miss_rate=(packets - self._latenesses.count(0)) / packets,
+            miss_count=self.counts.late + self.counts.missed,
         )
-
-
-class _Verdict(NamedTuple):
-    """The verdict on the packets so far."""
-
-    figures: tuple[float, float, float, float]
-    quality: IntEnum
-    at_fault: str
-
-
-class _Latencies:
-    """Mean and standard deviation of the last WINDOW latencies, from running sums of whole
-    nanoseconds: these are exact.
-    """
-
-    def __init__(self) -> None:
-        self._last: deque[int] = deque()  # [ns]
-        self._sum = 0
-        self._sum_of_squares = 0  # [ns], [ns^2]
-
-    def append(self, latency: float) -> None:
-        """Enter a latency [s]; beyond WINDOW the oldest is dropped."""
-        if not abs(latency) <= _HOUR:
-            latency = _HOUR
-        newest = round(NANOSECONDS * latency)
-        oldest = self._last.popleft() if len(self._last) == WINDOW else 0
-        self._last.append(newest)
-        self._sum += newest - oldest
-        self._sum_of_squares += newest * newest - oldest * oldest
-
-    def mean_and_deviation(self) -> tuple[float, float]:
-        """Both in [s]; 0 before the first."""
-        n = max(len(self._last), 1)
-        variance = n * self._sum_of_squares - self._sum * self._sum  # [ns^2], n^2 times
-        return self._sum / (n * NANOSECONDS), math.sqrt(variance) / (n * NANOSECONDS)

@@ -55,11 +55,8 @@ def touched(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
     """
     shape = value('contact_shape')
     centre = np.array(value('contact_position'))
-    if shape == 'ball':
-        size = np.full(3, 2.0 * value('contact_radius'))
-        yield DrawnShape(SPHERE, centre, size, is_solid=True)
-    elif shape != 'none':
-        normal = (0.0, 0.0, 1.0) if shape == 'table' else value('contact_normal')
+    if shape != 'none':
+        normal = (0.0, 0.0, 1.0) if shape == 'table' else (-centre[0], -centre[1], 0.0)
         plate = _turned_plate(np.array(normal), centre)
         yield plate._replace(size=np.array((_TABLE, _TABLE, _THICKNESS)), is_solid=True)
 

@@ -17,7 +17,7 @@ from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import DYNAMICS
-from redres_ros.robots.choice import ALLOWED, names_an_arm
+from redres_ros.robots.table import ALLOWED, names_an_arm
 
 TOPIC = 'topic'  # in place of an arm's name: the URDF that another node publishes
 DESCRIPTION = 'robot_description'

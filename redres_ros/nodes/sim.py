@@ -9,24 +9,19 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.fake_robot.command_receiver import CommandReceiver
-from redres_ros.fake_robot.command_validator import CommandValidator
-from redres_ros.fake_robot.environment import EnvironmentSettings
-from redres_ros.fake_robot.faults import PUSHES, Faults
-from redres_ros.fake_robot.faulty_plant import FaultyPlant
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
+from redres_ros.fake_robot.faults import Faults, FaultyPlant
+from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
 from redres_ros.fake_robot.network_model import NetworkModel
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
-from redres_ros.fake_robot.robot_clock import RobotClock
-from redres_ros.fake_robot.session import CommandError, Session, SessionSettings
+from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
+from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.shapes import touched
-from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
@@ -50,22 +45,18 @@ from redres_ros.nodes.wire import (
     to_time,
 )
 from redres_ros.parameter import param
-from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
-
-# stamp of the first state in lock-step [ns]; a stamp of zero would mean now
-_LOCKSTEP_EPOCH = NANOSECONDS
+from redres_ros.types import Nanoseconds, Seconds
 
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the
 # processor.
 _HEADSTART = 0.5
-_LOOK = 0.02  # [s] between looks at whether a push is over
 _ASK_AGAIN = 0.05  # [s] after which a state without a command is sent again: it may be lost
 
 
 @dataclass(frozen=True)
 class _SimParameters(LoopParameters):
-    """Parameters of the node beside those of the arm, its physics, the session and the guard."""
+    """Parameters of the node beside those of the arm, its environment, session and faults."""
 
     plant: str = param(
         'mujoco',
@@ -82,7 +73,6 @@ class _SimParameters(LoopParameters):
     lockstep: bool = param(
         False, 'wait for the command to each state instead of running in real time'
     )
-    fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
 
 class SimNode(ManagedNode):
@@ -90,7 +80,8 @@ class SimNode(ManagedNode):
 
     The clock stands still while this process is held up, and while it waits for a command with
     patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
-    does. See RobotClock for how they come back to the computer's clock.
+    does. See RobotClock for how they come back to the computer's clock. In lock-step no clock is
+    kept.
 
     Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
     that moves is braked. Activated again, it starts monitoring again.
@@ -105,96 +96,85 @@ class SimNode(ManagedNode):
                 'use_sim_time is True; allowed: False: the fake arm uses the clock of the '
                 'computer, and publishes no /clock'
             )
-        self._description = declare_robot(self, is_the_robot=True)
-        arm = self._description.arm
-        self._settings = declare(self, _SimParameters(start=arm.start))
-        period = 1.0 / self._settings.rate
-        faults = declare(self, Faults())
-        seed = self._settings.fault_seed
-        self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
+        robot = declare_robot(self, is_the_robot=True)
+        self._tip_frame = robot.arm.tip_frame
+        self._settings = declare(self, _SimParameters(start=robot.arm.start))
+        environment = declare(self, EnvironmentSettings())
         session = declare(self, SessionSettings())
         if self._settings.lockstep:
-            session = replace(session, monitor_time=0.0)  # no clock is kept, and timing is perfect
-        self._session = Session(period, session)
-        profile = self._session.profile
-        limits = JointLimits.of(arm)
-        guard = CommandValidator(limits, period, declare(self, profile.guard), profile.reflexes)
-        self._robot = FakeRobot(self._plant, guard, self._session)
+            session = replace(session, monitor_time=0.0)  # timing is perfect
+        period = 1.0 / self._settings.rate
+        limits = JointLimits.of(robot.arm)
+        start = np.array(self._settings.start)
+        plant: MujocoPlant | IdealPlant
+        if self._settings.plant == 'mujoco':
+            plant = MujocoPlant(robot.arm, period, start, environment=environment)
+        else:
+            plant = IdealPlant(limits.joint_names, period, start)
+        self._plant = FaultyPlant(plant, declare(self, Faults()))
+        self._robot = FakeRobot(self._plant, limits, session)
+        self._session = self._robot.session
+        # a stamp of zero would mean now
+        epoch = NANOSECONDS if self._settings.lockstep else time.time_ns()
+        self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
+        timed = not self._settings.lockstep
+        self._receiver = CommandReceiver(self._robot, self._robot_clock, timed=timed)
+        self._states = NetworkModel[bytes]('states')
+        self._set_links()
+        self._writer = JointStateWriter(
+            plant.joint_names, with_effort=self._plant.effort is not None
+        )
+        self._newest = self._written(0)  # of the published states
+        self._reader = JointStateReader()
+        self._arrival = threading.Event()  # of a command
         self._refusals = InputMonitor(self)
         self._reported_refusal: CommandError | None = None
-        epoch = _LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
-        self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
-        names = self._plant.joint_names
-        self._states = NetworkModel[bytes](f'{seed} states', faults.states)
-        self._wrenches = NetworkModel[WrenchStamped](f'{seed} wrenches', faults.wrenches)
-        self._writer = JointStateWriter(names, with_effort=self._plant.effort is not None)
-        nothing = np.zeros(len(names))
-        self._newest = self._writer.written(0, nothing, nothing)  # of the published states
-        timed = not self._settings.lockstep
-        self._receiver = CommandReceiver(
-            names, self._robot_clock, self._session, link=faults.commands, seed=seed, timed=timed
-        )
-        self._commands = JointStateReader()
-        self._arrival = threading.Event()  # of a command
         self._client_lives = False
         self._cycles_waited = 0
-        self._reset_wanted = False
-        self._pushed_at = time.monotonic()
-        self._create_interfaces(arm)
+        self._reset_requested = False
+        self._create_interfaces(robot.arm.description(), robot.arm.kinematics().base_frame)
+        self._diagnostics = Diagnostics(self, robot.name, self._health)
         self._start_life()
 
-    def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
-        physics = declare(self, MujocoSettings())
-        environment = declare(self, EnvironmentSettings())
-        start = np.array(self._settings.start)
-        if self._settings.plant == 'mujoco':
-            return MujocoPlant(arm, period, start, physics, environment)
-        return IdealPlant(JointLimits.of(arm).joint_names, period, start)
-
-    def _create_interfaces(self, arm: Arm) -> None:
+    def _create_interfaces(self, description: str, base_frame: str) -> None:
         types = {'wrench': WrenchStamped, 'external_torques': JointState}
         self._telemetry = Telemetry(self, {}, types)
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
         # The reason comes first: a subscriber that receives the end of a session knows why.
         self._words = LatchedWords(self, REASON, SESSION, QUALITY)
         self._publish_session()
-        description = self.create_publisher(String, 'robot_description', LATCHED)
-        description.publish(String(data=arm.description()))
-        self._diagnostics = Diagnostics(self, self._description.name, self._health)
+        description_publisher = self.create_publisher(String, 'robot_description', LATCHED)
+        description_publisher.publish(String(data=description))
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
-        show_obstacles(self, arm.kinematics().base_frame, touched, 'contact')
+        show_obstacles(self, base_frame, touched, 'contact')
         create_steady_timer(self, 0.1, self._count_commanders)
-        create_steady_timer(self, _LOOK, self._end_push)
         on_live_change(self, self._check_faults, self._set_faults)
 
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
-        """Cycle after cycle until the event is set; callbacks run while it waits.
+        """Cycle after cycle until the event is set; callbacks run by the spinner while it waits.
 
         At tick k the arm takes up the command for the state of tick k - 1, and goes on its way to
         tick k + 1 while the client responds to the state of tick k.
-
-        Args:
-            stopped: Ends the loop.
-            spinner: Runs the callbacks.
         """
+        lockstep = self._settings.lockstep
         self._robot_clock.restart()
         while not stopped.is_set():
-            if self._settings.lockstep and not self.active:
-                spinner.sleep(_ASK_AGAIN)  # no clock is kept
+            if lockstep and not self.active:
+                spinner.sleep(_ASK_AGAIN)
                 continue
             # Before the next state is out: what comes later may be a command for that one.
-            commands = self._receiver.take(self._robot.tick)
+            commands = self._receiver.take()
             self._publish_state()
-            if not self._settings.lockstep:
+            if not lockstep:
                 spinner.wait(self._arrival, _HEADSTART / self._settings.rate)
-            if self._reset_wanted:
-                self._reset_wanted = False
-                self._robot.reset()
+            if self._reset_requested:
+                self._reset_requested = False
+                self._session.reset()
             self._robot.advance(*commands)
             self._report_refusals()
             self._publish_session()
-            if self._settings.lockstep:
+            if lockstep:
                 # The command may have come already, in this thread; services still need a turn.
                 spinner.sleep(0.0)
                 self._await_command(stopped, spinner, math.inf)
@@ -210,36 +190,40 @@ class SimNode(ManagedNode):
         session = self._session
         if session.reason and session.reason != self._words.get(REASON):
             self.get_logger().error(session.reason)
-        state = session.state.value
-        words = {REASON: session.reason, SESSION: state, QUALITY: session.timing.quality.name}
-        self._words.publish(words)
+        self._words.publish(
+            {REASON: session.reason, SESSION: session.state.value, QUALITY: session.quality}
+        )
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
         self._arrival.clear()
         # Before the state, so that a controller has them when it responds.
-        self._telemetry.publish('wrench', lambda: self._arriving_wrench(stamp, tick))
+        self._telemetry.publish('wrench', lambda: self._wrench(stamp))
         self._telemetry.publish('external_torques', lambda: self._external_torques(stamp))
-        state = self._writer.written(stamp, self._robot.q, self._robot.dq, self._plant.effort)
-        self._states.send(state, tick)
+        self._states.send(self._written(stamp), tick)
         if self.active:
             for arriving in self._states.receive(tick):
                 self._state_publisher.publish(arriving)
                 self._newest = max(self._newest, arriving, key=stamp_of)
 
-    def _arriving_wrench(self, stamp: int, tick: int) -> WrenchStamped | None:
+    def _written(self, stamp: Nanoseconds) -> bytes:
+        plant = self._plant
+        return self._writer.written(stamp, plant.q, plant.dq, plant.effort)
+
+    def _wrench(self, stamp: Nanoseconds) -> WrenchStamped | None:
+        measured = self._plant.wrench
+        if measured is None:
+            return None
         message = WrenchStamped()
         message.header.stamp = to_time(stamp)
-        message.header.frame_id = self._description.arm.tip_frame
+        message.header.frame_id = self._tip_frame
         force = message.wrench.force
         torque = message.wrench.torque
-        force.x, force.y, force.z, torque.x, torque.y, torque.z = self._plant.wrench.tolist()
-        self._wrenches.send(message, tick)
-        arrived = self._wrenches.receive(tick)
-        return arrived[-1] if arrived else None
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = measured.tolist()
+        return message
 
-    def _external_torques(self, stamp: int) -> JointState:
+    def _external_torques(self, stamp: Nanoseconds) -> JointState:
         torques = self._plant.external_torques.tolist()
         message = JointState(name=list(self._plant.joint_names), effort=torques)
         message.header.stamp = to_time(stamp)
@@ -257,7 +241,7 @@ class SimNode(ManagedNode):
         if self._robot.at_rest and not self._session.commanding:
             self._robot_clock.skip()
 
-    def _await_command(self, stopped: threading.Event, spinner: Spinner, patience: float) -> None:
+    def _await_command(self, stopped: threading.Event, spinner: Spinner, patience: Seconds) -> None:
         until = time.monotonic() + patience
         while self._awaits_command and self.active and not stopped.is_set():
             if time.monotonic() >= until:
@@ -275,7 +259,7 @@ class SimNode(ManagedNode):
         if not self.active:
             return
         try:
-            sample = self._commands.read(message)
+            sample = self._reader.read(message)
         except EncodingError as error:
             self._refusals.refuse('joint_command', error)
             return
@@ -285,7 +269,7 @@ class SimNode(ManagedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
-        self._reset_wanted = True
+        self._reset_requested = True
         self._words.repeat()
         response.success = True
         response.message = (
@@ -294,30 +278,21 @@ class SimNode(ManagedNode):
         return response
 
     def _begin(self) -> None:
-        self._reset_wanted = True
+        self._reset_requested = True
 
     def _count_commanders(self) -> None:
         self._receiver.publishers = self.count_publishers('joint_command')
-
-    def _end_push(self) -> None:
-        """End a push that was not set again: the page that pushed may be gone."""
-        faults = self._plant.faults
-        age = time.monotonic() - self._pushed_at
-        if faults.push_time and age > faults.push_time and faults.push_force.any():
-            ended = [Parameter(name, value=0.0) for name in (*PUSHES, 'push_time')]
-            self.set_parameters_atomically(ended)
 
     def _check_faults(self, changes: dict[str, Any]) -> None:
         self._plant.check(with_changes(self._plant.faults, changes))
 
     def _set_faults(self, changes: dict[str, Any]) -> None:
-        faults = with_changes(self._plant.faults, changes)
-        if not changes.keys().isdisjoint(PUSHES):
-            self._pushed_at = time.monotonic()
-        self._plant.faults = faults
-        self._states.link = faults.states
-        self._wrenches.link = faults.wrenches
-        self._receiver.network.link = faults.commands
+        self._plant.faults = with_changes(self._plant.faults, changes)
+        self._set_links()
+
+    def _set_links(self) -> None:
+        self._states.link = self._plant.faults.states
+        self._receiver.network.link = self._plant.faults.commands
 
     def _report_refusals(self) -> None:
         refused = self._session.command_error
@@ -331,14 +306,14 @@ class SimNode(ManagedNode):
 
     def _health(self) -> Health:
         session = self._session
-        refused = {f'refused: {kind.value}': count for kind, count in session.refusals.items()}
+        timing = session.timing
         figures = {
-            **asdict(session.timing.statistics),
+            **asdict(timing.statistics),
             'session state': session.state.value,
-            'quality': session.timing.quality.name,
-            'at fault': session.timing.at_fault,
-            **asdict(session.counts),
-            **refused,
+            'quality': session.quality,
+            'at fault': timing.at_fault,
+            **asdict(timing.counts),
+            **{f'refused: {kind.value}': count for kind, count in session.refusals.items()},
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
             'clock behind [s]': self._robot_clock.lag,
@@ -347,8 +322,8 @@ class SimNode(ManagedNode):
             return Health(WARN, self.life, figures)
         if session.reason:
             return Health(ERROR, session.reason, figures)
-        if session.timing.at_fault or self._refusals.reasons:
-            connection = f'connection {session.timing.quality.name}: {session.timing.at_fault}'
+        if timing.at_fault or self._refusals.reasons:
+            connection = f'connection {session.quality}: {timing.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
 

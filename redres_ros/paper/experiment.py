@@ -2,19 +2,16 @@
 arm, and what measured positions show of the motion.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from redres_ros.command import Command, norms
 from redres_ros.errors import ArrayError
-from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
-from redres_ros.fake_robot.faults import Faults
-from redres_ros.fake_robot.faulty_plant import FaultyPlant
+from redres_ros.fake_robot.faults import Faults, FaultyPlant
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
-from redres_ros.fake_robot.session import Session
 from redres_ros.planning.planner import Planner, Reference
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm
@@ -33,7 +30,7 @@ _LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 _STEP = 2.4e-7
 _NOISE = 1e-5
 _LATE = 0.05
-_NO_STOP = ValidatorSettings(acceleration_scale=100.0)  # far beyond what any law commands
+_NO_STOP = 100.0  # factor on the acceleration limits: far beyond what any law commands
 
 
 @dataclass(frozen=True)
@@ -152,11 +149,10 @@ def experiment(
     """
     sensing = sensing or Sensing()
     plant = MujocoPlant(arm, client.T, task.start)
-    robot = FakeRobot(
-        FaultyPlant(plant, sensing.faults, sensing.seed),
-        CommandValidator(JointLimits.of(arm), client.T, None if stops else _NO_STOP),
-        Session(client.T),
-    )
+    limits = JointLimits.of(arm)
+    if not stops:
+        limits = replace(limits, acceleration=_NO_STOP * limits.acceleration)
+    robot = FakeRobot(FaultyPlant(plant, sensing.faults, sensing.seed), limits)
     return _Run(client, task, robot, sensing).result()
 
 
@@ -224,19 +220,19 @@ class _Run:
         self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders
         self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
         self._unachieved: np.ndarray | None = None  # (m,) [m/s] of the last command
-        self._sent: ClientCommand | None = None  # for the state of the tick before
+        self._sent: tuple[ClientCommand, ...] = ()  # for the state of the tick before
         self._measured: list[np.ndarray] = []  # (n,) [rad] since the task began
         self._shown: list[np.ndarray] = []  # the same as recorded, some of it a cycle late
         while not robot.session.commanding and not robot.session.reason:
-            self._advance(robot.q)
-        self._planner = Planner(task, client.model.tip(robot.q)[0])
+            self._advance(robot.plant.q)
+        self._planner = Planner(task, client.model.tip(robot.plant.q)[0])
 
     def result(self) -> Experiment:
         recording = self._follow()
         for _ in range(round(AFTERMATH / self._client.T)):
             if self._robot.session.reason:
                 self._record()
-                self._advance(self._robot.q)
+                self._advance(self._robot.plant.q)
             else:
                 self._command(self._reference())
         return Experiment(recording, self._robot.session.reason, np.array(self._shown))
@@ -260,12 +256,12 @@ class _Run:
         return motion.recording(f'did not reach the last point within {limit:g} s')
 
     def _reference(self) -> Reference:
-        x, _ = self._client.model.tip(self._robot.q)
+        x, _ = self._client.model.tip(self._robot.plant.q)
         return self._planner.reference(x, self._t + self._ahead, unachieved=self._unachieved)
 
     def _command(self, reference: Reference) -> Command:
         """A cycle with the client's next reference."""
-        command = self._client.update(self._robot.q, reference.dx)
+        command = self._client.update(self._robot.plant.q, reference.dx)
         self._ahead -= (1.0 - command.s) * self._client.T
         self._unachieved = command.unachieved
         self._record()
@@ -274,7 +270,7 @@ class _Run:
 
     def _record(self) -> None:
         """Record the measured positions, some of them a cycle late."""
-        q = self._robot.q.copy()
+        q = self._robot.plant.q
         shown = q.copy()
         if self._late and self._measured:
             late = self._random.random(len(q)) < self._late
@@ -284,6 +280,6 @@ class _Run:
 
     def _advance(self, q_ref: np.ndarray) -> None:
         """A cycle: the robot goes on by the last command; q_ref is that for its present state."""
-        command = self._sent
-        self._sent = ClientCommand(self._robot.tick, q_ref)
-        self._robot.advance(command)
+        commands = self._sent
+        self._sent = (ClientCommand(self._robot.tick, q_ref),)
+        self._robot.advance(*commands)

@@ -13,7 +13,7 @@ from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.files.share import share_path
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
-from redres_ros.robots.defaults import square_before_tip
+from redres_ros.robots.from_urdf import square_before_tip
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 
 NODES = ('sim', 'controller', 'planner')  # of a demo

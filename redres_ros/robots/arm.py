@@ -6,14 +6,18 @@ from typing import Any, NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.chain import UNLIMITED_EFFORT, lock_joints, settle_chain, tree_to
-from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
+from redres_ros.robots.chain import (
+    UNLIMITED_EFFORT,
+    fill_in_inertias,
+    make_cylinders,
+    tree_to,
+    write_out_joints,
+)
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
-_DEFAULT_RADIUS = 0.06  # [m] of a body
 OF_EACH_JOINT = (
     'rotor_inertia',
     'effort_limit',
@@ -23,71 +27,49 @@ OF_EACH_JOINT = (
     'start',
 )  # fields of an arm
 
+_DEFAULT_RADIUS = 0.06  # [m] of a body
+
 
 class EndSpeed(NamedTuple):
     """How fast a robot allows a joint to be at a distance d from the ends of its range.
 
     sqrt(2 deceleration d) - offset, at least 0, and at most the velocity limit.
-
-    Attributes:
-        lower: Position from which d counts [rad].
-        upper: The same.
-        deceleration: [rad/s^2].
-        offset: [rad/s].
     """
 
-    lower: float
-    upper: float
-    deceleration: float
-    offset: float
+    lower: float  # position from which d counts [rad]
+    upper: float  # the same
+    deceleration: float  # [rad/s^2]
+    offset: float  # [rad/s]
 
 
 @dataclass(frozen=True)
 class Arm:
     """An arm as data. `description()` is the one URDF that Pinocchio, MuJoCo and RViz read alike.
 
-    Args:
-        urdf: The file, or the text of one.
-        tip_frame: The link that carries out tasks.
-        other_tips: Further links whose joints move, as the tip of a second arm on the same torso.
-        elbow_frame: The link whose origin counts as the elbow; empty: none.
-        base_offset: Height of the arm above the URDF's root link [m].
-        tool_offset: Offset of the tip from the flange along the flange's z [m].
-        dynamics: 'identified', the URDF's own inertias with rotors and friction; 'cylinders', the
-            paper's Section 5.2 with each link a body of 1 kg, here a solid cylinder because an
-            ideal rod makes M singular.
-        rotor_inertia: Reflected to the joints, (n,) [kg m^2]; empty: none.
-        body_radius: Radii of the capsules around the base and around each link, (n + 1,) [m], 0 for
-            none; empty: 0.06 m each.
-        acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
-        jerk_limit: Of each joint, (n,) [rad/s^3]; empty: 100 1/s times the acceleration limit.
-        end_speeds: Of each joint, (n,); empty: the robot allows the velocity limit everywhere.
-        effort_limit: Of each joint, (n,) [Nm], or [N] of a prismatic one; empty: the URDF's own.
-        start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
-        task: Name of the default task in config/tasks; empty: none.
-        assumptions: What was assumed of the arm, a sentence each.
-
-    Raises:
-        UnknownNameError: Unknown dynamics.
-        RangeError: An offset beyond 2 m, or an effort limit outside its range.
+    Figures of each joint are (n,), from base to tip. Raises UnknownNameError for unknown dynamics,
+    and RangeError for an offset beyond 2 m or an effort limit outside its range.
     """
 
-    urdf: Path | str
-    tip_frame: str
-    elbow_frame: str = ''
-    base_offset: float = 0.0
-    tool_offset: float = 0.0
+    urdf: Path | str  # the file, or the text of one
+    tip_frame: str  # the link that carries out tasks
+    elbow_frame: str = ''  # the link whose origin counts as the elbow; empty: none
+    base_offset: float = 0.0  # height of the arm above the URDF's root link [m]
+    tool_offset: float = 0.0  # of the tip from the flange along the flange's z [m]
+    # 'identified': the URDF's own inertias with rotors and friction. 'cylinders': the paper's
+    # Section 5.2 with each link a body of 1 kg, here a solid cylinder because an ideal rod makes M
+    # singular.
     dynamics: str = 'identified'
-    rotor_inertia: tuple[float, ...] = ()
+    rotor_inertia: tuple[float, ...] = ()  # reflected to the joints [kg m^2]; empty: none
+    # of the capsules around the base and around each link, (n + 1,) [m], 0 for none
     body_radius: tuple[float, ...] = ()
-    acceleration_limit: tuple[float, ...] = ()
-    jerk_limit: tuple[float, ...] = ()
-    end_speeds: tuple[EndSpeed, ...] = ()
-    start: tuple[float, ...] = ()
-    task: str = ''
-    assumptions: tuple[str, ...] = ()
-    other_tips: tuple[str, ...] = ()
-    effort_limit: tuple[float, ...] = ()
+    acceleration_limit: tuple[float, ...] = ()  # [rad/s^2]; empty: unlimited
+    jerk_limit: tuple[float, ...] = ()  # [rad/s^3]; empty: 100 1/s times the acceleration limit
+    end_speeds: tuple[EndSpeed, ...] = ()  # empty: the velocity limit everywhere
+    start: tuple[float, ...] = ()  # where the default task begins [rad]; empty: not chosen
+    task: str = ''  # name of the default task in config/tasks; empty: none
+    assumptions: tuple[str, ...] = ()  # what was assumed of the arm, a sentence each
+    other_tips: tuple[str, ...] = ()  # further links whose joints move, as of a second arm
+    effort_limit: tuple[float, ...] = ()  # [Nm], or [N] of a sliding joint; empty: the URDF's own
 
     def __post_init__(self) -> None:
         if self.dynamics not in DYNAMICS:
@@ -117,10 +99,7 @@ class Arm:
 
     def with_text(self) -> 'Arm':
         """The same arm, for other processes and hosts: with the URDF's text instead of a file that
-        they may lack. Files of this package are everywhere.
-
-        Raises:
-            FileError: The file can no longer be read.
+        they may lack. Files of this package are everywhere. Raises FileError.
         """
         if isinstance(self.urdf, str) or self._is_shipped:
             return self
@@ -133,7 +112,7 @@ class Arm:
 
     @property
     def armature(self) -> tuple[float, ...]:
-        """Rotor inertias that belong to the chosen dynamics, (n,) [kg m^2]; empty: none."""
+        """Rotor inertias that belong to the chosen dynamics; empty: none."""
         return self.rotor_inertia if self.dynamics == 'identified' else ()
 
     @property
@@ -150,33 +129,20 @@ class Arm:
             FileError: The file cannot be read, is not a URDF, lacks a joint that an offset needs,
                 or has a joint that cannot be used.
             UnknownNameError: No link has the tip's or the elbow's name.
-            ArrayError: Rotor inertias, acceleration limits or a start for other joints.
+            ArrayError: Figures for other joints.
         """
         return self._prepared()[0].text()
 
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the user: assumed data, locked joints.
-
-        Raises:
-            As `description`.
-        """
+        """Remarks for the user: assumed data, held joints. Raises as `description`."""
         return (*self.assumptions, *self._prepared()[1])
 
     def kinematics(self) -> Kinematics:
-        """The moving joints, and the chain to the tip.
-
-        Raises:
-            As `description`.
-        """
-        return Kinematics(self.description(), self.tip_frame)
+        """The moving joints, and the chain to the tip. Raises as `description`."""
+        return Kinematics(self.description(), self.tip_frame, self.source)
 
     def bodies(self) -> Bodies:
-        """The capsules that must not collide.
-
-        Raises:
-            ArrayError: Radii for other links.
-            As `description`.
-        """
+        """The capsules that must not collide. Raises as `description`."""
         kinematics = self.kinematics()
         radius = self.body_radius or (_DEFAULT_RADIUS,) * (kinematics.n + 1)
         if len(radius) != kinematics.n + 1:
@@ -189,39 +155,36 @@ class Arm:
     def _prepared(self) -> tuple[Urdf, list[str]]:
         """The URDF ready for use, and remarks on it."""
         urdf = Urdf.read(self.urdf)
-        self._set_offset(urdf, 'base_mount', self.base_offset)
-        self._set_offset(urdf, 'tool_mount', self.tool_offset)
+        _set_offset(urdf, 'base_mount', self.base_offset)
+        _set_offset(urdf, 'tool_mount', self.tool_offset)
         tree = tree_to(urdf, (self.tip_frame, *self.other_tips))
         if self.elbow_frame:
             urdf.check_link(self.elbow_frame)
-        remarks = settle_chain(urdf, tree) + lock_joints(urdf, tree)
-        self._check_sizes([joint.name for joint in tree if joint.type != 'fixed'])
-        self._set_efforts(tree)
-        if self.dynamics == 'cylinders':
-            make_cylinders(urdf, tree)
-        remarks += fill_in_inertias(urdf, tree)
-        urdf.put_first(tree)
-        return urdf, remarks
-
-    def _check_sizes(self, joint_names: list[str]) -> None:
-        for field in OF_EACH_JOINT:
-            values = getattr(self, field)
-            if values and len(values) != len(joint_names):
-                raise ArrayError(
-                    f'{field} has {len(values)} values; expected one for each joint that moves '
-                    f'{self.tip_frame}: {", ".join(joint_names)}'
-                )
-
-    def _set_efforts(self, tree: tuple[UrdfJoint, ...]) -> None:
+        remarks = write_out_joints(urdf, tree)
         moving = [joint for joint in tree if joint.type != 'fixed']
+        self._check_sizes(moving)
         for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
             child(joint.element, 'limit').set('effort', repr(effort))
+        if self.dynamics == 'cylinders':
+            make_cylinders(urdf, tree)
+        return urdf, remarks + fill_in_inertias(urdf, tree)
 
-    def _set_offset(self, urdf: Urdf, mount: str, offset: float) -> None:
-        if not offset:
+    def _check_sizes(self, moving: list[UrdfJoint]) -> None:
+        for field in OF_EACH_JOINT:
+            values = getattr(self, field)
+            if values and len(values) != len(moving):
+                names = ', '.join(joint.name for joint in moving)
+                raise ArrayError(
+                    f'{field} has {len(values)} values; expected one for each joint that moves '
+                    f'{self.tip_frame}: {names}'
+                )
+
+
+def _set_offset(urdf: Urdf, mount: str, offset: float) -> None:
+    if not offset:
+        return
+    for joint in urdf.joints:
+        if joint.name == mount and joint.type == 'fixed':
+            child(joint.element, 'origin').set('xyz', f'0 0 {offset!r}')
             return
-        for joint in urdf.joints:
-            if joint.name == mount and joint.type == 'fixed':
-                child(joint.element, 'origin').set('xyz', f'0 0 {offset!r}')
-                return
-        raise FileError(f'{urdf.source} has no fixed joint {mount}, which an offset needs')
+    raise FileError(f'{urdf.source} has no fixed joint {mount}, which an offset needs')

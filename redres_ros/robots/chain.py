@@ -1,17 +1,45 @@
-"""The joints from a URDF's root link to a tip, or to several, and those that are held still."""
+"""A URDF made ready for Pinocchio, MuJoCo and RViz alike: the joints that move, and inertias."""
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from redres_ros.robots.urdf import Urdf, UrdfJoint, child, motion_of, set_placement, words
+from redres_ros.robots.urdf import Urdf, UrdfJoint, child
 
-MOVING = ('revolute', 'continuous', 'prismatic')
 CONTINUOUS_RANGE = 2000.0 * math.pi  # [rad] to either side, for a joint that turns without end
 UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 
+_MOVING = ('revolute', 'continuous', 'prismatic')
 _OF_MOVING_JOINTS = ('axis', 'limit', 'dynamics', 'mimic', 'safety_controller', 'calibration')
+
+_CYLINDER_MASS = 1.0  # [kg]
+_CYLINDER_RADIUS = 0.06  # [m]
+_CYLINDER_MIN_LENGTH = 0.001  # [m]
+
+# Of a moving part that has none: far below those of any arm
+_STAND_IN_MASS = 0.01  # [kg]
+_STAND_IN_INERTIA = 1e-5  # [kg m^2]
+
+
+def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
+    """The joints that lead to any of some tips, fixed ones included, each after those before it.
+
+    Where arms part they come one after the other, by the names of the joints, as in Pinocchio.
+    Raises UnknownNameError for a tip that is no link, and FileError for links that are no tree.
+    """
+    chains = [_chain_to(urdf, tip_frame) for tip_frame in tip_frames]
+    leading = {joint.name: joint for chain in chains for joint in chain}
+
+    def beyond(link: str) -> Iterator[UrdfJoint]:
+        for name in sorted(leading):
+            if leading[name].parent == link:
+                yield leading[name]
+                yield from beyond(leading[name].child)
+
+    roots = {joint.parent for joint in leading.values()} - {j.child for j in leading.values()}
+    return tuple(joint for root in roots for joint in beyond(root))
 
 
 def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
@@ -39,97 +67,77 @@ def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
     return tuple(reversed(chain))
 
 
-def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
-    """The joints that lead to any of some tips, fixed ones included, each after those before it.
-
-    Where arms part they come one after the other, by the names of the joints, as in Pinocchio.
-
-    Args:
-        urdf: Where they are.
-        tip_frames: Names of links.
-
-    Raises:
-        UnknownNameError: No link has a tip's name.
-        FileError: The links are no tree.
-    """
-    chains = [_chain_to(urdf, tip_frame) for tip_frame in tip_frames]
-    leading = {joint.name: joint for chain in chains for joint in chain}
-
-    def beyond(link: str) -> Iterator[UrdfJoint]:
-        for name in sorted(leading):
-            if leading[name].parent == link:
-                yield leading[name]
-                yield from beyond(leading[name].child)
-
-    roots = {joint.parent for joint in leading.values()} - {j.child for j in leading.values()}
-    return tuple(joint for root in roots for joint in beyond(root))
-
-
-def settle_chain(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
-    """Check the joints of a chain, and write out what Pinocchio and MuJoCo would read differently.
+def write_out_joints(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
+    """Check the joints of a tree, and write out what Pinocchio and MuJoCo would read differently;
+    hold all other joints at zero. A sentence for each assumption is returned.
 
     Axes get the length 1. A joint that turns without end becomes a revolute one with a range that
-    no arm uses up, as the libraries have positions of other kinds for it.
-
-    Args:
-        urdf: URDF, which is changed.
-        chain: The joints from the root link to the tip.
-
-    Returns:
-        One sentence for each number that the URDF lacks.
-
-    Raises:
-        FileError: A joint of a kind, axis or limit that cannot be used.
+    no arm uses up, as the libraries have positions of other kinds for it. Raises FileError for a
+    joint of a kind, axis or limit that cannot be used.
     """
-    for joint in chain:
-        if joint.type not in (*MOVING, 'fixed'):
+    for joint in tree:
+        if joint.type not in (*_MOVING, 'fixed'):
             raise urdf.error(
                 f'joint {joint.name} is {joint.type or "without a type"}; from the root link to '
-                f'the tip joints may be {", ".join(MOVING)} or fixed'
+                f'the tip joints may be {", ".join(_MOVING)} or fixed'
             )
         urdf.placement(joint.element, f'joint {joint.name}')
-    moving = [joint for joint in chain if joint.type != 'fixed']
+    moving = [joint for joint in tree if joint.type != 'fixed']
     if not moving:
         raise urdf.error('no joint moves the tip; expected at least one from the root link to it')
-    remarks: list[str] = []
+    remarks = []
     for joint in moving:
-        _check_mimic(urdf, joint)
-        child(joint.element, 'axis').set('xyz', words(_axis_of(urdf, joint)))
-        remarks += _settle_limits(urdf, joint)
+        _write_out_axis(urdf, joint)
+        _write_out_range(urdf, joint)
+        remarks += _write_out_effort(urdf, joint)
+    others = [joint for joint in urdf.joints if joint not in tree and joint.type != 'fixed']
+    for joint in others:
+        _fix(joint)
+    if others:
+        names = ', '.join(joint.name for joint in others)
+        remarks.append(f'joints that do not lead to the tip are held at zero: {names}')
+    # MuJoCo uses the order of the file where arms branch.
+    for place, joint in enumerate(tree):
+        urdf.robot.remove(joint.element)
+        urdf.robot.insert(place, joint.element)
     return remarks
 
 
-def _check_mimic(urdf: Urdf, joint: UrdfJoint) -> None:
+def _write_out_axis(urdf: Urdf, joint: UrdfJoint) -> None:
     mimic = joint.element.find('mimic')
     if mimic is not None:
         raise urdf.error(
             f'joint {joint.name} mimics {mimic.get("joint")}; from the root link to the tip '
             'every joint must move by itself'
         )
-
-
-def _axis_of(urdf: Urdf, joint: UrdfJoint) -> np.ndarray:
-    """The joint's axis, a unit vector (3,) in its own frame. Raises FileError."""
-    given = urdf.numbers(joint.element.find('axis'), 'xyz', '1 0 0', f'joint {joint.name}')
+    axis = child(joint.element, 'axis')
+    given = urdf.numbers(axis, 'xyz', '1 0 0', f'joint {joint.name}')
     length = float(np.linalg.norm(given))
     if length < 1e-6:
-        raise urdf.error(f'joint {joint.name} has the axis {words(given)}; expected a direction')
-    return given / length
+        words = axis.get('xyz')
+        raise urdf.error(f'joint {joint.name} has the axis {words}; expected a direction')
+    axis.set('xyz', ' '.join(map(repr, (given / length).tolist())))
 
 
-def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
+def _write_out_range(urdf: Urdf, joint: UrdfJoint) -> None:
     owner = f'joint {joint.name}'
     limit = child(joint.element, 'limit')
     if joint.type == 'continuous':
         joint.element.set('type', 'revolute')
         limit.set('lower', repr(-CONTINUOUS_RANGE))
         limit.set('upper', repr(CONTINUOUS_RANGE))
-    lower, upper = _limits_of(urdf, joint)
+    lower = urdf.number(limit, 'lower', owner)
+    upper = urdf.number(limit, 'upper', owner)
     if not lower < upper:
         raise urdf.error(f'{owner} has the range {lower:g} to {upper:g}; expected lower < upper')
-    if urdf.number(limit, 'velocity', '0', owner) <= 0.0:
+    if urdf.number(limit, 'velocity', owner) <= 0.0:
         raise urdf.error(f'{owner} has no velocity limit above zero; expected one')
-    effort = urdf.number(limit, 'effort', '0', owner)
+
+
+def _write_out_effort(urdf: Urdf, joint: UrdfJoint) -> list[str]:
+    owner = f'joint {joint.name}'
+    limit = child(joint.element, 'limit')
+    effort = urdf.number(limit, 'effort', owner)
     if effort < 0.0:
         raise urdf.error(f'{owner} has effort {effort:g}; expected a limit above zero')
     if effort > 0.0:
@@ -138,75 +146,94 @@ def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
     return [f'{owner} has no effort limit and counts as unlimited']
 
 
-def _limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
-    """The joint's lower and upper position limit [rad] or [m], 0 if the URDF has none."""
-    limit = joint.element.find('limit')
-    lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')
-    upper = urdf.number(limit, 'upper', '0', f'joint {joint.name}')
-    return lower, upper
-
-
-def lock_joints(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
-    """Turn every joint that does not lead to the tip into a fixed one.
-
-    It is held at zero or, if zero is outside its range, in the middle; one that mimics another
-    follows it. No law can move it then, and the arm still carries its weight.
-
-    Args:
-        urdf: URDF, which is changed.
-        chain: The joints from the root link to the tip.
-
-    Returns:
-        One sentence that names the joints held, if there are any.
-
-    Raises:
-        FileError: A joint mimics one that is not there, or itself.
-    """
-    resting = {joint.name: joint for joint in urdf.joints if joint not in chain}
-    moving = [joint for joint in resting.values() if joint.type != 'fixed']
-    held = {joint.name: _held_at(urdf, joint, resting, ()) for joint in moving}  # [rad] or [m]
-    for joint in moving:
-        _fix(urdf, joint, held[joint.name])
-    if not held:
-        return []
-    places = ', '.join(f'{name} at {position:g}' for name, position in held.items())
-    return [f'joints that do not lead to the tip are held still: {places}']
-
-
-def _held_at(
-    urdf: Urdf, joint: UrdfJoint, resting: dict[str, UrdfJoint], followers: tuple[str, ...]
-) -> float:
-    """Where a joint is held; `followers` are those that mimic it, one through the other."""
-    mimic = joint.element.find('mimic')
-    if mimic is None:
-        return _rest_position(urdf, joint)
-    owner = f'joint {joint.name}'
-    leader = mimic.get('joint', '')
-    if leader in (*followers, joint.name):
-        raise urdf.error(f'{owner} mimics itself through {leader}')
-    if leader not in {known.name for known in urdf.joints}:
-        raise urdf.error(f'{owner} mimics {leader!r}, which does not exist')
-    position = 0.0  # of a joint of the chain: the pose in which the URDF is drawn
-    if leader in resting:
-        position = _held_at(urdf, resting[leader], resting, (*followers, joint.name))
-    multiplier = urdf.number(mimic, 'multiplier', '1', owner)
-    return multiplier * position + urdf.number(mimic, 'offset', '0', owner)
-
-
-def _rest_position(urdf: Urdf, joint: UrdfJoint) -> float:
-    if joint.type not in ('revolute', 'prismatic'):
-        return 0.0
-    lower, upper = _limits_of(urdf, joint)
-    return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
-
-
-def _fix(urdf: Urdf, joint: UrdfJoint, position: float) -> None:
-    if position:
-        H = urdf.placement(joint.element, f'joint {joint.name}')
-        is_prismatic = joint.type == 'prismatic'
-        motion = motion_of(_axis_of(urdf, joint), position, is_prismatic=is_prismatic)
-        set_placement(joint.element, H @ motion)
+def _fix(joint: UrdfJoint) -> None:
     joint.element.set('type', 'fixed')
     for tag in _OF_MOVING_JOINTS:
         for element in joint.element.findall(tag):
             joint.element.remove(element)
+
+
+def fill_in_inertias(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
+    """Give every moving part a mass and an inertia, without which it could not be simulated; a
+    sentence that names those that had none is returned.
+
+    A part is a link that a joint of the tree moves, with all that is fixed to it. Raises FileError
+    for a negative mass or moment, NaN or infinity.
+    """
+    has_inertia = {link: _has_inertia(urdf, link) for link in urdf.links}
+    filled = []
+    for joint in tree:
+        if joint.type == 'fixed' or any(has_inertia[link] for link in _part(urdf, joint.child)):
+            continue
+        filled.append(joint.name)
+        inertial = child(urdf.links[joint.child], 'inertial')
+        mass = child(inertial, 'mass')
+        if not float(mass.get('value', '0')):
+            mass.set('value', repr(_STAND_IN_MASS))
+        _set_moments(inertial, _STAND_IN_INERTIA, _STAND_IN_INERTIA, _STAND_IN_INERTIA)
+    if not filled:
+        return []
+    joints = ', '.join(filled)
+    return [f'what joint {joints} moves has no mass or inertia and gets stand-ins']
+
+
+def _has_inertia(urdf: Urdf, link: str) -> bool:
+    """Whether a link has a mass and an inertia, both of which are checked."""
+    inertial = urdf.links[link].find('inertial')
+    if inertial is None:
+        return False
+    owner = f'link {link}'
+    mass = urdf.number(inertial.find('mass'), 'value', owner)
+    if mass < 0.0:
+        raise urdf.error(f'{owner} has the mass {mass:g} kg; expected none below zero')
+    inertia = inertial.find('inertia')
+    for product in ('ixy', 'ixz', 'iyz'):
+        urdf.number(inertia, product, owner)
+    moments = [urdf.number(inertia, key, owner) for key in ('ixx', 'iyy', 'izz')]
+    if min(moments) < 0.0:
+        raise urdf.error(f'{owner} has the moment of inertia {min(moments):.3g} kg m^2')
+    return mass > 0.0 and max(moments) > 0.0
+
+
+def _part(urdf: Urdf, link: str) -> Iterator[str]:
+    """A link, and the links that are fixed to it."""
+    yield link
+    for joint in urdf.joints:
+        if joint.parent == link and joint.type == 'fixed':
+            yield from _part(urdf, joint.child)
+
+
+def make_cylinders(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> None:
+    """Make each moving link a solid cylinder, from its joint along z to the next (Section 5.2);
+    joint friction is removed too.
+    """
+    for joint in tree:
+        if joint.type == 'fixed':
+            continue
+        for dynamics in joint.element.findall('dynamics'):
+            joint.element.remove(dynamics)
+        offset = _offset_along_z(urdf, tree, joint.child)
+        length = max(abs(offset), _CYLINDER_MIN_LENGTH)
+        across = _CYLINDER_MASS * (3 * _CYLINDER_RADIUS**2 + length**2) / 12
+        along = _CYLINDER_MASS * _CYLINDER_RADIUS**2 / 2
+        inertial = child(urdf.links[joint.child], 'inertial')
+        child(inertial, 'origin').attrib.update(xyz=f'0 0 {offset / 2!r}', rpy='0 0 0')
+        child(inertial, 'mass').set('value', repr(_CYLINDER_MASS))
+        _set_moments(inertial, across, across, along)
+
+
+def _offset_along_z(urdf: Urdf, tree: tuple[UrdfJoint, ...], link: str) -> float:
+    """Length from a link along z, through fixed joints, to the next moving joint or the end [m]."""
+    following = next((j for j in (*tree, *urdf.joints) if j.parent == link), None)
+    if following is None:
+        return 0.0
+    offset = float(urdf.placement(following.element, f'joint {following.name}')[2, 3])
+    if following.type == 'fixed':
+        offset += _offset_along_z(urdf, tree, following.child)
+    return offset
+
+
+def _set_moments(inertial: ET.Element, xx: float, yy: float, zz: float) -> None:
+    child(inertial, 'inertia').attrib.update(
+        ixx=repr(xx), iyy=repr(yy), izz=repr(zz), ixy='0', ixz='0', iyz='0'
+    )

@@ -5,38 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.errors import ArrayError
-from redres_ros.robots import Arm
-from redres_ros.robots.arm import EndSpeed
+from redres_ros.robots.arm import Arm, EndSpeed
+from redres_ros.types import JointAccelerations, JointPositions, JointVelocities
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of each joint; those of a prismatic one are in [m], [m/s] and [m/s^2].
-
-    Attributes:
-        joint_names: Names from base to tip, the order of the arrays.
-        lower: Positions, (n,) [rad].
-        upper: Positions, (n,) [rad].
-        velocity: Either way, (n,) [rad/s].
-        acceleration: Either way, (n,) [rad/s^2]; infinite where there is no limit.
-        end_speeds: Of each joint, near the ends of its range; empty: the velocity everywhere.
-    """
+    """Limits of each joint, from base to tip, either way."""
 
     joint_names: tuple[str, ...]
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    end_speeds: tuple[EndSpeed, ...] = ()
+    lower: JointPositions
+    upper: JointPositions
+    velocity: JointVelocities
+    acceleration: JointAccelerations  # infinite where there is no limit
+    end_speeds: tuple[EndSpeed, ...] = ()  # empty: the velocity everywhere
 
     @classmethod
     def of(cls, arm: Arm) -> 'JointLimits':
-        """The limits of an arm, joints in the order from base to tip.
-
-        Raises:
-            FileError: A joint of the URDF that cannot be used.
-            UnknownNameError: No link has the tip's or the elbow's name.
-            ArrayError: Acceleration limits of other joints, or not above zero.
+        """The limits of an arm. Raises as `Arm.description`, and ArrayError for accelerations that
+        are not above zero.
         """
         kinematics = arm.kinematics()
         acceleration = np.full(kinematics.n, np.inf)  # (n,) [rad/s^2]
@@ -56,8 +43,8 @@ class JointLimits:
             arm.end_speeds,
         )
 
-    def velocities_at(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The least and the largest velocity at q (n,) [rad], both (n,) [rad/s]."""
+    def velocities_at(self, q: JointPositions) -> tuple[JointVelocities, JointVelocities]:
+        """The least and the largest velocity at q."""
         V = self.velocity
         if not self.end_speeds:
             return -V, V

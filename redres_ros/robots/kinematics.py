@@ -5,51 +5,43 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from redres_ros.errors import FileError, reason_of
+from redres_ros.types import Jacobian, JointPositions, Position
+
 BASE = -1  # in place of a joint's index
 
 
 @dataclass(frozen=True)
 class MovingJoint:
-    """A joint that moves, and the link that it moves.
-
-    Attributes:
-        name: Name of the joint.
-        link: That it moves.
-        before: Transform from the frame that the parent moves to this joint's, (4, 4).
-        parent: Index of the moving joint before it; BASE: there is none.
-        axis: Unit vector in the joint's frame, (3,).
-        is_prismatic: Whether it moves along its axis instead of turning about it.
-    """
+    """A joint that moves, and the link that it moves."""
 
     name: str
     link: str
-    before: np.ndarray
-    parent: int
-    axis: np.ndarray
-    is_prismatic: bool
+    before: np.ndarray  # transform from the frame that the parent moves to this joint's, (4, 4)
+    parent: int  # index of the moving joint before it; BASE: there is none
+    axis: np.ndarray  # unit vector in the joint's frame, (3,)
+    is_prismatic: bool  # it moves along its axis instead of turning about it
 
 
 class Kinematics:
     """The moving joints, and the tip: a serial arm, or a tree that has several tips.
 
-    Args:
-        description: A URDF's text, as `settle_chain` and `lock_joints` leave it.
-        tip_frame: The link that is the tip.
-
     Attributes:
         joints: Moving joints, in the order of every array.
-        n: How many.
-        lower: Position limits, (n,) [rad] or [m].
-        upper: Likewise.
-        velocity: Limits, (n,) [rad/s] or [m/s].
         links: Of each link the joint that moves it, or BASE, and its pose in that frame, (4, 4).
         tip: Transform from the frame that the last joint before the tip moves, (4, 4).
-        tip_parent: Index of that joint.
         base_frame: The root link.
     """
 
-    def __init__(self, description: str, tip_frame: str) -> None:
-        model = pin.buildModelFromXML(description)
+    def __init__(self, description: str, tip_frame: str, source: str) -> None:
+        """That of a URDF's text as `Arm.description` gives it; `source` names it in errors.
+
+        Raises FileError if Pinocchio cannot use it.
+        """
+        try:
+            model = pin.buildModelFromXML(description)
+        except ValueError as error:
+            raise FileError(f'Pinocchio cannot use {source}: {reason_of(error)}') from None
         self._model = model
         self._data = model.createData()
         self._tip = model.getFrameId(tip_frame, pin.BODY)
@@ -59,10 +51,10 @@ class Kinematics:
         }
         self.joints = tuple(map(self._joint, range(model.nv)))
         self.n = model.nv
-        self.lower = model.lowerPositionLimit.copy()
+        self.lower = model.lowerPositionLimit.copy()  # (n,) [rad], like the next
         self.upper = model.upperPositionLimit.copy()
-        self.velocity = model.velocityLimit.copy()
-        self.tip_parent, self.tip = self.links[tip_frame]
+        self.velocity = model.velocityLimit.copy()  # (n,) [rad/s]
+        self._tip_parent, self.tip = self.links[tip_frame]
         self.base_frame = links[0].name
 
     def _joint(self, index: int) -> MovingJoint:
@@ -84,7 +76,7 @@ class Kinematics:
     def leading(self) -> list[int]:
         """Indices of the joints that lead to the tip, from the base on."""
         indices = []
-        index = self.tip_parent
+        index = self._tip_parent
         while index != BASE:
             indices.append(index)
             index = self.joints[index].parent
@@ -114,14 +106,14 @@ class Kinematics:
                 farthest[joint.parent] = max(farthest[joint.parent], beyond)
         return np.where([joint.is_prismatic for joint in self.joints], 1.0, farthest)
 
-    def position(self, q: np.ndarray) -> np.ndarray:
-        """The tip's position in the base frame, (3,) [m], at q (n,) [rad] or [m]."""
+    def position(self, q: JointPositions) -> Position:
+        """The tip's position in the base frame."""
         pin.forwardKinematics(self._model, self._data, q)
         tip = pin.updateFramePlacement(self._model, self._data, self._tip)
         return tip.translation.copy()
 
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """The Jacobian of the tip in the base frame, (6, n), linear rows first, at q (n,)."""
+    def jacobian(self, q: JointPositions) -> Jacobian:
+        """The Jacobian of the tip in the base frame, (6, n), linear rows first."""
         return pin.computeFrameJacobian(
             self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
         )

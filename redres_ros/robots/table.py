@@ -1,4 +1,4 @@
-"""The arms by name.
+"""The arms by name, and an arm by a name or a path.
 
 A further arm by name is a URDF, a task in config/tasks and a row here.
 """
@@ -10,6 +10,7 @@ import numpy as np
 
 from redres_ros.errors import UnknownNameError
 from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm, EndSpeed
+from redres_ros.robots.from_urdf import arm_from_urdf
 
 
 def _urdf(name: str) -> Path:
@@ -109,15 +110,15 @@ ARMS: dict[str, Arm] = {
 }
 
 
+_ENDINGS = ('.urdf', '.xacro')  # that distinguish a file from a name
+ALLOWED = (*ARMS, f'a path ending in {" or ".join(_ENDINGS)}')  # in words
+
+
 def find_arm(name: str, **changes: object) -> Arm:
-    """The arm of that name.
+    """The arm of that name, with fields set to other values; None leaves a field as it is.
 
     With another tip than in the table it has no default tasks, and joints beyond the tip are held
     still.
-
-    Args:
-        name: Name of an arm in ARMS.
-        changes: Fields of the arm to set to another value; None leaves a field as it is.
 
     Raises:
         UnknownNameError: No such arm, no such dynamics, or no link of the tip's name.
@@ -133,10 +134,27 @@ def find_arm(name: str, **changes: object) -> Arm:
 
 def _with_another_tip(arm: Arm) -> Arm:
     """An arm of the table without its tasks, and without figures of joints beyond its tip."""
-    bare = replace(
-        arm, rotor_inertia=(), acceleration_limit=(), jerk_limit=(), end_speeds=(), start=()
-    )
+    bare = replace(arm, **dict.fromkeys(OF_EACH_JOINT, ()))  # type: ignore[arg-type]
     n = bare.kinematics().n
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
-    body_radius = arm.body_radius[: n + 1]
-    return replace(arm, task='', body_radius=body_radius, **figures)
+    return replace(arm, task='', body_radius=arm.body_radius[: n + 1], **figures)
+
+
+def names_an_arm(robot: str) -> bool:
+    """Whether a text is a name of the table, or a path as that of a URDF."""
+    return robot in ARMS or Path(robot).suffix in _ENDINGS
+
+
+def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
+    """The arm of a name in the table, or of the path of a .urdf or .xacro file; an empty frame is
+    the arm's own, or that which `arm_from_urdf` chooses.
+
+    Raises:
+        UnknownNameError: No such arm, or no link of the tip's or the elbow's name.
+        FileError: A file that cannot be used, or that has more than one last link.
+    """
+    if not names_an_arm(robot):
+        raise UnknownNameError('robot', robot, ALLOWED)
+    if robot not in ARMS:
+        return arm_from_urdf(Path(robot), tip_frame, elbow_frame)
+    return find_arm(robot, tip_frame=tip_frame or None, elbow_frame=elbow_frame or None)

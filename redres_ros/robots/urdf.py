@@ -21,7 +21,6 @@ if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for nu
     )
 
 _LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
-_MOST_JOINTS = 500  # humanoids with hands have two hundred; with a thousand a node thinks for long
 
 
 @dataclass(frozen=True)
@@ -50,14 +49,9 @@ class Urdf:
     def read(cls, source: Path | str) -> 'Urdf':
         """A URDF from a file (Path), or from its text (str); a .xacro file is converted first.
 
-        Raises:
-            FileError: The file cannot be read, is not a URDF, or is a xacro that fails to convert.
+        Raises FileError: it cannot be read, is not a URDF, or is a xacro that fails to convert.
         """
         name = source_name(source)
-        if isinstance(source, str) and len(source) > _LARGEST:
-            raise FileError(
-                f'{name} has {len(source)} characters; expected a URDF of at most {_LARGEST}'
-            )
         try:
             robot = ET.fromstring(source if isinstance(source, str) else _read(source))
         except OSError as error:
@@ -66,9 +60,6 @@ class Urdf:
             raise FileError(f'{name} is not a URDF:  {error}') from None
         if robot.tag != 'robot' or not robot.findall('link'):
             raise FileError(f'{name} is not a URDF:  expected a robot with at least one link')
-        joints = len(robot.findall('joint'))
-        if joints > _MOST_JOINTS:
-            raise FileError(f'{name} has {joints} joints; expected at most {_MOST_JOINTS}')
         if any('/xacro}' in element.tag for element in robot.iter()):
             raise FileError(f'{name} holds xacro; expected the ending .xacro, or a plain URDF')
         return cls(robot, name)
@@ -112,26 +103,13 @@ class Urdf:
             ends.append(link)
         return UrdfJoint(element, name, *ends)
 
-    def put_first(self, joints: tuple[UrdfJoint, ...]) -> None:
-        """List these joints before all others: MuJoCo uses this order where arms branch."""
-        for joint in joints:
-            self.robot.remove(joint.element)
-        for place, joint in enumerate(joints):
-            self.robot.insert(place, joint.element)
-
     def numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str
     ) -> np.ndarray:
-        """An attribute's numbers.
+        """An attribute's numbers, of an element that may be missing. The default is a text with as
+        many numbers as are expected; errors name the owner, a joint or link.
 
-        Args:
-            element: Where the attribute is; None counts as without it.
-            attribute: Its name.
-            default: Its text if it is missing, with as many numbers as are expected.
-            owner: The joint or link in words, for errors.
-
-        Raises:
-            FileError: Too few or too many numbers, or NaN or infinity.
+        Raises FileError for too few or too many numbers, or NaN or infinity.
         """
         text = default if element is None else element.get(attribute, default)
         expected = len(default.split())
@@ -144,27 +122,12 @@ class Urdf:
             raise self.error(f'{owner} has {attribute} {text!r}; expected {noun}')
         return np.array(values)
 
-    def number(self, element: ET.Element | None, attribute: str, default: str, owner: str) -> float:
-        """A number that an attribute holds.
-
-        Args:
-            element: None for one that is not there.
-            attribute: Its name.
-            default: Its text if there is none.
-            owner: What an error says the element belongs to.
-
-        Raises:
-            FileError: The text is no finite number.
-        """
-        return float(self.numbers(element, attribute, default, owner)[0])
+    def number(self, element: ET.Element | None, attribute: str, owner: str) -> float:
+        """An attribute's number, 0 if it is missing. Raises FileError."""
+        return float(self.numbers(element, attribute, '0', owner)[0])
 
     def placement(self, element: ET.Element, owner: str) -> np.ndarray:
-        """The pose (4, 4) that an element's origin gives; the identity without one.
-
-        Args:
-            element: Element of a URDF.
-            owner: What an error says the element belongs to.
-        """
+        """The pose (4, 4) that an element's origin gives; the identity without one."""
         origin = element.find('origin')
         H = np.eye(4)
         H[:3, 3] = self.numbers(origin, 'xyz', '0 0 0', owner)
@@ -175,6 +138,22 @@ class Urdf:
 def source_name(source: Path | str) -> str:
     """The name in errors of a URDF from a file (Path) or of its text (str)."""
     return str(source) if isinstance(source, Path) else 'the robot description'
+
+
+def child(element: ET.Element, tag: str) -> ET.Element:
+    """The element's first child of that tag, made if there is none."""
+    found = element.find(tag)
+    return ET.SubElement(element, tag) if found is None else found
+
+
+def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.ndarray:
+    """Pose (4, 4) of a joint's child link in the joint's frame, where its unit axis (3,) is."""
+    H = np.eye(4)
+    if is_prismatic:
+        H[:3, 3] = position * axis
+    else:
+        H[:3, :3] = pin.exp3(position * axis)
+    return H
 
 
 def _read(path: Path) -> str:
@@ -193,47 +172,3 @@ def _read(path: Path) -> str:
         return str(xacro.process_file(str(path)).toxml())
     except Exception as error:  # noqa: BLE001  # a xacro evaluates expressions: of any type
         raise FileError(f'xacro cannot convert {path}: {reason_of(error)}') from None
-
-
-def child(element: ET.Element, tag: str) -> ET.Element:
-    """The element's first child of that tag, made if there is none.
-
-    Args:
-        element: Its parent.
-        tag: Its name.
-    """
-    found = element.find(tag)
-    return ET.SubElement(element, tag) if found is None else found
-
-
-def words(values: np.ndarray) -> str:
-    """Numbers as URDF writes them, at full precision."""
-    return ' '.join(repr(float(value)) for value in values)
-
-
-def set_placement(element: ET.Element, H: np.ndarray) -> None:
-    """Write a pose into the element's origin.
-
-    Args:
-        element: Element of a URDF.
-        H: The pose, (4, 4).
-    """
-    origin = child(element, 'origin')
-    origin.set('xyz', words(H[:3, 3]))
-    origin.set('rpy', words(pin.rpy.matrixToRpy(H[:3, :3])))
-
-
-def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.ndarray:
-    """Pose (4, 4) of a joint's child link in the joint's frame.
-
-    Args:
-        axis: Unit vector (3,) in the joint's frame.
-        position: Where the joint is [rad], or [m] of a prismatic one.
-        is_prismatic: Whether it moves along its axis instead of turning about it.
-    """
-    H = np.eye(4)
-    if is_prismatic:
-        H[:3, 3] = position * axis
-    else:
-        H[:3, :3] = pin.exp3(position * axis)
-    return H

@@ -245,10 +245,10 @@ def _sizes(
     owner = f'a shape of link {link}'
     for element in geometry if geometry is not None else ():
         if element.tag == 'cylinder':
-            radius = urdf.number(element, 'radius', '0', owner)
-            yield 'cylinder', (radius, urdf.number(element, 'length', '0', owner))
+            radius = urdf.number(element, 'radius', owner)
+            yield 'cylinder', (radius, urdf.number(element, 'length', owner))
         elif element.tag == 'sphere':
-            yield 'sphere', (urdf.number(element, 'radius', '0', owner),)
+            yield 'sphere', (urdf.number(element, 'radius', owner),)
         elif element.tag == 'box':
             yield 'box', tuple(urdf.numbers(element, 'size', '0 0 0', owner).tolist())
 

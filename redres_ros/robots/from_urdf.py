@@ -1,0 +1,230 @@
+"""An arm of which only the URDF is known: its tip, and defaults for what the URDF does not say."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.errors import FileError
+from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED
+from redres_ros.robots.arm import Arm
+from redres_ros.robots.kinematics import Kinematics
+from redres_ros.robots.urdf import Urdf
+from redres_ros.types import JointAccelerations, JointPositions, Points, Seconds
+
+_FEWEST_JOINTS = 3  # of an arm from a URDF
+
+_REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
+_PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
+
+_BENT_JOINTS = 3  # at most, of a start
+_MANY_JOINTS = 12  # arms with more are well conditioned with a single one bent
+_BEND = 1.0  # [rad] or [m], from the middle of such a joint's range; at most half-way to its end
+_GOOD_ENOUGH = 0.4  # of the best conditioning found
+
+_LARGEST = 0.1  # [m], side of the square
+_PLANES = ((1, 2), (0, 2), (0, 1))  # before the arm, beside it, lying: axes of the two sides
+_FREE = 0.8  # of the way from the start to the end of a joint's range that the square may use
+_USED = 0.3  # of the limits on velocity and acceleration that the joints may use
+_SHORTEST = 1.0  # [s], of a side
+_LONGEST = 6.0  # [s]; an arm with a slow joint, as a lift, gets a smaller square
+
+
+def arm_from_urdf(
+    source: Path | str,
+    tip_frame: str = '',
+    elbow_frame: str = '',
+    *,
+    acceleration_limit: tuple[float, ...] = (),
+    effort_limit: tuple[float, ...] = (),
+) -> Arm:
+    """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
+
+    Args:
+        source: The file, a URDF or xacro (Path), or a URDF's text (str).
+        tip_frame: The link that carries out tasks; empty: the last one of an arm without branches.
+        elbow_frame: The link whose origin counts as the elbow; empty: chosen.
+        acceleration_limit: Of each joint, (n,) [rad/s^2] or [m/s^2]; empty: assumed.
+        effort_limit: Of each joint, (n,) [Nm] or [N]; empty: the URDF's own.
+
+    Raises:
+        FileError: The file cannot be read, has a joint that cannot be used, too few of them, or
+            more than one last link.
+        UnknownNameError: No link has the tip's or the elbow's name.
+        ArrayError: Limits of another number of joints.
+        RangeError: An effort limit that is none.
+    """
+    arm = Arm(
+        source,
+        tip_frame or _last_link(source),
+        elbow_frame,
+        acceleration_limit=acceleration_limit,
+        effort_limit=effort_limit,
+    )
+    kinematics = arm.kinematics()
+    if kinematics.n < _FEWEST_JOINTS:
+        raise FileError(
+            f'{arm.source}: {kinematics.n} joints move {arm.tip_frame}; '
+            f'expected at least {_FEWEST_JOINTS}, as a position has three coordinates'
+        )
+    if not kinematics.offsets.any():
+        raise FileError(
+            f'{arm.source}: all joints of {arm.tip_frame} are at one point; expected links'
+        )
+    assumptions = []
+    if not elbow_frame:
+        elbow_frame = _middle_joint(kinematics)
+        assumptions.append(f'the elbow is {elbow_frame}')
+    if not acceleration_limit:
+        acceleration_limit = tuple(
+            _PRISMATIC_ACCELERATION if joint.is_prismatic else _REVOLUTE_ACCELERATION
+            for joint in kinematics.joints
+        )
+        figures = ', '.join(f'{limit:g}' for limit in acceleration_limit)
+        assumptions.append(
+            f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 '
+            '(m/s^2 of a linear joint)'
+        )
+    return replace(
+        arm,
+        elbow_frame=elbow_frame,
+        acceleration_limit=acceleration_limit,
+        start=tuple(_start(kinematics).tolist()),
+        assumptions=tuple(assumptions),
+    )
+
+
+def _last_link(source: Path | str) -> str:
+    """The link at the end of an arm without branches."""
+    urdf = Urdf.read(source)
+    parents = {joint.parent for joint in urdf.joints}
+    ends = [link for link in urdf.links if link not in parents]
+    if len(ends) == 1:
+        return ends[0]
+    if not ends:
+        raise urdf.error('there is no last link: its joints form a circle')
+    joints = {link: _joints_to(link, urdf) for link in ends}
+    ends.sort(key=lambda link: -joints[link])  # the tip of an arm first, wheels and sensors last
+    listed = ', '.join(f'{link} ({joints[link]})' for link in ends)
+    raise urdf.error(
+        f'there are {len(ends)} last links, with so many joints before them: {listed}; '
+        'choose the tip with --tip FRAME or the parameter tip_frame'
+    )
+
+
+def _joints_to(link: str, urdf: Urdf) -> int:
+    """Number of moving joints between the root and a link."""
+    joints = {joint.child: joint for joint in urdf.joints}
+    count = 0
+    for _ in joints:  # no more of them even if they form a circle
+        if link not in joints:
+            break
+        count += joints[link].type != 'fixed'
+        link = joints[link].parent
+    return count
+
+
+def _middle_joint(kinematics: Kinematics) -> str:
+    """The link of the joint nearest to the middle of the way from the first joint to the tip."""
+    along = np.cumsum(np.linalg.norm(kinematics.offsets, axis=1))  # (n,) [m], the tip last
+    from_middle = np.abs(np.concatenate(([0.0], along[:-1])) - along[-1] / 2.0)
+    return kinematics.joints[kinematics.leading[int(np.argmin(from_middle))]].link
+
+
+def _start(kinematics: Kinematics) -> JointPositions:
+    """A posture to begin with: the middle of the ranges, if that will do.
+
+    There many an arm is stretched out, which is a singularity. Then as few joints as possible are
+    bent, up to three, to make the posture about as well conditioned as the best one of this kind.
+    Of equally good ones, it is the one with the tip farthest in front and above (x + z).
+    """
+    middle = (kinematics.lower + kinematics.upper) / 2.0
+    bend = np.minimum((kinematics.upper - kinematics.lower) / 4.0, _BEND)
+    bends = np.array(list(_bends(kinematics.n)))  # (N, n), of -1, 0 and 1
+    postures = middle + bends * bend
+    conditioning = _conditioning(kinematics, postures)
+    good = conditioning >= _GOOD_ENOUGH * conditioning.max()
+    bent_joints = np.count_nonzero(bends, axis=1)
+    fewest = bent_joints == bent_joints[good].min()
+    best = fewest & (conditioning > 0.99 * conditioning[fewest].max())
+    tips = np.array([kinematics.position(q) for q in postures])  # (N, 3) [m]
+    return postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
+
+
+def _bends(n: int) -> Iterator[np.ndarray]:
+    """All combinations of few of n joints, bent to either side, (n,)."""
+    most = _BENT_JOINTS if n <= _MANY_JOINTS else 1
+    for count in range(most + 1):
+        for joints in combinations(range(n), count):
+            for sides in product((-1.0, 1.0), repeat=count):
+                bends = np.zeros(n)
+                bends[list(joints)] = sides
+                yield bends
+
+
+def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
+    """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,).
+
+    Of the pose if there are enough joints for it, else of the position. Directions in which the
+    arm cannot move at all, as out of its plane, do not count.
+    """
+    jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
+    jacobians[:, :3] /= np.linalg.norm(kinematics.offsets, axis=1).sum()  # no units
+    rows = 6 if kinematics.n >= 6 else 3
+    values = np.linalg.svd(jacobians[:, :rows], compute_uv=False)  # (N, k), descending
+    largest = values[:, 0].max()
+    rank = np.count_nonzero(values.max(axis=0) > 1e-6 * largest)
+    return values[:, rank - 1] / largest
+
+
+class SquareTask(NamedTuple):
+    """Five points of the tip, from a corner round to it again, and the time of a side, which is
+    long enough for every joint to stay far below its limits.
+    """
+
+    waypoints: Points
+    segment_time: Seconds
+
+
+def square_before_tip(
+    kinematics: Kinematics, start: JointPositions, acceleration: JointAccelerations
+) -> SquareTask | None:
+    """A square from the initial position of the tip, towards the base; None if the tip can move in
+    no such plane.
+
+    It stands before the arm if the tip can move so: its sides are along y and z. Else they are
+    along x and z, or x and y. The sides are a tenth of a metre, or as much as the joints' ranges
+    and speeds allow, by the Jacobian at the start.
+    """
+    x = kinematics.position(start)
+    J = kinematics.jacobian(start)[:3]
+    inverse = np.linalg.pinv(J, rcond=1e-2)  # without nearly singular directions
+    base = kinematics.joints[0].before[:3, 3]
+    inward = np.diag(np.where(x > base + 1e-6, -1.0, 1.0))  # stretched out, it cannot go outward
+    free = _FREE * np.minimum(start - kinematics.lower, kinematics.upper - start)  # (n,)
+    for axes in _PLANES:
+        sides = inward[:, axes]  # (3, 2)
+        motion = inverse @ sides  # (n, 2) of the joints per metre
+        if not np.allclose(J @ motion, sides, atol=1e-6):
+            continue
+        rates = np.abs(motion).sum(axis=1)  # (n,) at most
+        by_range = free / np.maximum(rates, 1e-9)
+        by_velocity = _LONGEST * _USED * kinematics.velocity / (PEAK_SPEED * rates + 1e-9)
+        side = min(_LARGEST, by_range.min(), by_velocity.min())
+        first, second = side * sides.T
+        waypoints = np.array((x, x + first, x + first + second, x + second, x))
+        return SquareTask(waypoints, _segment_time(kinematics, side * rates, acceleration))
+    return None
+
+
+def _segment_time(
+    kinematics: Kinematics, moved: JointPositions, acceleration: JointAccelerations
+) -> Seconds:
+    """Time of a side in which the joints move so far, to a tenth."""
+    by_velocity = PEAK_SPEED * moved / (_USED * kinematics.velocity)
+    by_acceleration = np.sqrt(PEAK_ACCELERATION * moved / (_USED * acceleration))
+    longest = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
+    return float(np.ceil(10.0 * longest) / 10.0)
