@@ -31,10 +31,8 @@ def reason_of(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text from outside, safe for a log or a terminal.
-
-    It is one line, truncated. Characters that cannot be printed, such as line ends and
-    commands to a terminal, become spaces.
+    """A text from outside, safe for a log or a terminal: truncated, and without line ends and
+    control characters.
     """
     cut = text[:_LONGEST_LINE]
     seen = ''.join(each if each.isprintable() else ' ' for each in cut)
@@ -46,13 +44,7 @@ class RedresError(Exception):
 
 
 class UnknownNameError(RedresError):
-    """A name that is in no table: law, robot, task, dynamics.
-
-    Args:
-        kind: What it would be the name of.
-        got: The name.
-        allowed: The names in the table.
-    """
+    """A name that is in no table: of a law, a robot, a task, a frame."""
 
     def __init__(self, kind: str, got: object, allowed: Iterable[str]) -> None:
         self.kind = kind
@@ -65,15 +57,7 @@ class UnknownNameError(RedresError):
 
 
 class RangeError(RedresError):
-    """A number outside its range, or not a finite number at all.
-
-    Args:
-        name: What has the value.
-        got: The value.
-        lower: Least one that is allowed.
-        upper: Largest one that is allowed.
-        why: A remark, such as the unit; empty for none.
-    """
+    """A number outside its range, or not a finite number at all; `why` is a remark."""
 
     def __init__(self, name: str, got: float, lower: float, upper: float, why: str = '') -> None:
         self.name = name
@@ -84,18 +68,9 @@ class RangeError(RedresError):
         remark = f' ({why})' if why else ''
         super().__init__(f'{name} is {quoted(got)}; allowed: {lower:g} to {upper:g}{remark}')
 
-    def about(self, name: str) -> 'RangeError':
-        """The same error with the caller's name of the value."""
-        return RangeError(name, self.got, self.lower, self.upper, self.why)
-
 
 class RepeatedNameError(RedresError):
-    """A name that is given twice.
-
-    Args:
-        kind: What it is the name of.
-        name: The name.
-    """
+    """A name that is given twice."""
 
     def __init__(self, kind: str, name: str) -> None:
         self.kind = kind
@@ -108,13 +83,7 @@ class ArrayError(RedresError):
 
 
 class DivergedError(RedresError):
-    """A speed of the joints beyond any arm's, which is not commanded.
-
-    Args:
-        speed: Norm of the joint velocities [rad/s].
-        limit: Largest one that is commanded [rad/s].
-        reason: What asks for it.
-    """
+    """A speed of the joints [rad/s] beyond any arm's, which is not commanded."""
 
     def __init__(self, speed: float, limit: float, reason: str) -> None:
         self.speed = speed
@@ -127,28 +96,17 @@ class DivergedError(RedresError):
 
 
 class JointNamesError(RedresError):
-    """Joint names of a message that are not those of the arm.
-
-    Args:
-        got: Those of the message.
-        expected: Those of the arm.
-    """
+    """Joint names of a message that are not those of the arm."""
 
     def __init__(self, got: Iterable[str], expected: Iterable[str]) -> None:
         self.got = tuple(got)
         self.expected = tuple(expected)
-        missing = [name for name in self.expected if name not in self.got]
-        surplus = [name for name in self.got if name not in self.expected]
-        twice = sorted({name for name in self.got if self.got.count(name) > 1})
-        parts = [
-            f'{word} {", ".join(names)}'
-            for word, names in (
-                ('missing', missing),
-                ('not of this arm', surplus),
-                ('more than once', twice),
-            )
-            if names
-        ]
+        problems = {
+            'missing': [name for name in self.expected if name not in self.got],
+            'not of this arm': [name for name in self.got if name not in self.expected],
+            'more than once': sorted({name for name in self.got if self.got.count(name) > 1}),
+        }
+        parts = [f'{problem} {", ".join(names)}' for problem, names in problems.items() if names]
         wanted = ', '.join(self.expected)
         super().__init__(f'wrong joint names: {"; ".join(parts)}; expected {wanted} in any order')
 

@@ -1,24 +1,32 @@
-"""Parameters as dataclass fields: default, meaning with unit, and range, declared once for ROS, CLI
-and docs.
+"""Parameters as dataclass fields, declared once for Python, ROS, the command line and the docs; and
+the tables of the building blocks that have them: laws, preferences, tasks and limits.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
 from numbers import Real
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import RangeError, RepeatedNameError, UnknownNameError
+from redres_ros.files.installed import installed
+from redres_ros.files.plugins import register
+
+T = TypeVar('T')
 
 _KEY = 'parameter'
+# Gains that all building blocks of a kind have in common, and what they are called.
+_COMMON = {'law': {'damping': 'damping', 'gravity': 'gravity'}, 'task': {'gain': 'task_gain'}}
+_NO_GAINS: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Parameter:
     """The declaration of a field beside its type and default."""
 
-    description: str
+    description: str  # with its unit in brackets
     lower: float | None = None
     upper: float | None = None
     choices: Collection[str] = ()
@@ -34,16 +42,7 @@ def param(
     choices: Collection[str] = (),
     live: bool = False,
 ) -> Any:
-    """A dataclass field that is a parameter: of Python, of a node, and of the command line.
-
-    Args:
-        default: Its value unless another is given.
-        description: What it is, with its unit in brackets.
-        lower: Least number that is allowed.
-        upper: Largest number that is allowed.
-        choices: The words that are allowed.
-        live: Whether a running node takes another value.
-    """
+    """A dataclass field that is a parameter: of Python, of a node, and of the command line."""
     return field(
         default=default, metadata={_KEY: Parameter(description, lower, upper, choices, live)}
     )
@@ -71,36 +70,148 @@ def check_parameters(instance: Any) -> None:
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:
-    """The same for one value; of a tuple, every member has to lie within the range.
-
-    Args:
-        name: Name of the value in errors.
-        value: A number, a text, or a tuple of either.
-        parameter: What is allowed.
-
-    Raises:
-        RangeError: A number outside the range, or a value that is not a number.
-        UnknownNameError: A text that is not among the choices.
+    """Raise RangeError or UnknownNameError for a value that is not allowed; of a tuple, for every
+    member.
     """
     members = value if isinstance(value, tuple) else (value,)
     for member in members:
-        if parameter.choices:
-            _check_choice(name, member, parameter.choices)
-        else:
+        if not parameter.choices:
             _check_range(name, member, parameter)
-
-
-def _check_choice(name: str, value: Any, choices: Collection[str]) -> None:
-    if not isinstance(value, str) or value not in choices:
-        raise UnknownNameError(name, value, choices)
+        elif not isinstance(member, str) or member not in parameter.choices:
+            raise UnknownNameError(name, member, parameter.choices)
 
 
 def _check_range(name: str, value: Any, parameter: Parameter) -> None:
     lower = -math.inf if parameter.lower is None else parameter.lower
     upper = math.inf if parameter.upper is None else parameter.upper
-    is_number = isinstance(value, Real)
-    is_free_text = isinstance(value, str) and parameter.lower is parameter.upper is None
-    if is_number and not lower <= value <= upper:
-        raise RangeError(name, value, lower, upper)
-    if not is_number and not is_free_text:
+    if isinstance(value, Real):
+        if not lower <= value <= upper:
+            raise RangeError(name, value, lower, upper)
+    elif not isinstance(value, str) or parameter.lower is not None or parameter.upper is not None:
         raise RangeError(name, value, lower, upper, 'a number')
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A parameter of a building block."""
+
+    kind: str  # of its owner, such as 'law'
+    owner: str  # the name in its table
+    name: str  # of its field
+    default: Any  # of its field, whose type it has
+    parameter: Parameter
+
+    @property
+    def key(self) -> str:
+        """Its name for nodes, the command line and errors, such as 'posture.gain'."""
+        return _key(self.kind, self.owner, self.name)
+
+
+class Table(dict[str, type[T]]):
+    """Classes of one kind by name, with those of installed packages; plugins add others.
+
+    An entry may say more after an @, such as the frame in orientation@link_4: it sets the field
+    that the class names as its `qualifier`.
+    """
+
+    def __init__(self, kind: str, base: type, **classes: type[T]) -> None:
+        super().__init__(classes)
+        self.kind = kind  # for errors: law, preference, task, limit
+        self._base = base
+        self.update(installed(f'{kind}s'))
+        register(base, self)
+
+    def __contains__(self, entry: object) -> bool:
+        """Whether an object can be made by this name."""
+        name, at, word = str(entry).partition('@')
+        if not super().__contains__(name):
+            return False
+        return not at or bool(word and getattr(self[name], 'qualifier', ''))
+
+    def make(self, entry: str, *arguments: object, **gains: object) -> T:
+        """An object of the class of that name.
+
+        Args:
+            entry: Name in the table, also with an @.
+            *arguments: What comes before the gains: of a limit, the arm and a scale.
+            **gains: Fields declared with `param` that differ from their defaults: damping=10.0.
+
+        Raises:
+            UnknownNameError: No such name in the table, or no such gain.
+            RangeError: A gain outside its range.
+            ArrayError: A gain that should be a vector of finite numbers.
+        """
+        if entry not in self:
+            raise UnknownNameError(self.kind, entry, self)
+        name, at, word = entry.partition('@')
+        made: Any = self[name]
+        allowed = [field.name for field in parameters(made)]
+        for gain in gains:
+            if gain not in allowed:
+                raise UnknownNameError(f'gain of {name}', gain, allowed)
+        if at:
+            gains[made.qualifier] = word
+        try:
+            return made(*arguments, **gains)
+        except RangeError as error:
+            if error.name not in allowed:
+                raise
+            key = _key(self.kind, name, error.name)
+            raise RangeError(key, error.got, error.lower, error.upper, error.why) from None
+
+    def resolve(
+        self, entry: str | T, gains: Mapping[str, Any] = _NO_GAINS, *arguments: object
+    ) -> T:
+        """What an entry stands for: a name, with its own of all the gains by their keys; or the
+        object itself. Raises as make().
+        """
+        if isinstance(entry, str):
+            own = self.gains(entry.partition('@')[0])
+            given = {gain.name: gains[gain.key] for gain in own if gain.key in gains}
+            return self.make(entry, *arguments, **given)
+        if not isinstance(entry, self._base):
+            raise UnknownNameError(self.kind, entry, self)
+        return entry
+
+    def resolve_all(
+        self, entries: str | Iterable[str | T], gains: Mapping[str, Any] = _NO_GAINS
+    ) -> tuple[T, ...]:
+        """What entries stand for, or a single one. Raises as make(), and RepeatedNameError."""
+        given = as_tuple(entries)
+        check_once(self.kind, given)
+        return tuple(self.resolve(entry, gains) for entry in given)
+
+    def name_of(self, entry: object) -> str:
+        """The name of an object's class; the class's own name if the table does not have it."""
+        cls = type(entry)
+        return next((name for name, listed in self.items() if listed is cls), cls.__name__)
+
+    def gains(self, *names: str) -> Iterator[Gain]:
+        """The gains of the entries of those names, or of all; none of one that is not there."""
+        for owner in names or self:
+            for field, parameter in parameters(self[owner]).items() if owner in self else ():
+                yield Gain(self.kind, owner, field.name, field.default, parameter)
+
+    @property
+    def gain_keys(self) -> dict[str, None]:
+        """The keys of all gains, in their order."""
+        return dict.fromkeys(gain.key for gain in self.gains())
+
+
+def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
+    """Entries given by name or as objects; a single text is one name."""
+    return (entries,) if isinstance(entries, str) else tuple(entries)
+
+
+def check_once(kind: str, entries: Iterable[object]) -> None:
+    """Raise RepeatedNameError for a name of that kind that is given twice; objects may repeat."""
+    seen = set()
+    for name in entries:
+        if isinstance(name, str) and name in seen:
+            raise RepeatedNameError(kind, name)
+        if isinstance(name, str):
+            seen.add(name)
+
+
+def _key(kind: str, owner: str, gain: str) -> str:
+    return _COMMON.get(kind, {}).get(gain, f'{owner}.{gain}')

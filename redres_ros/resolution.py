@@ -28,6 +28,7 @@ from redres_ros.kernels.closed_form import (
     fill_factor,
     solve_rows,
 )
+from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -51,22 +52,10 @@ class Factor:
 
     def __init__(self, F: np.ndarray) -> None:
         self.F = F
+        self.shape = F.shape
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(n, n)."""
-        return self.F.shape
-
-    def solve_transposed(self, B: np.ndarray) -> np.ndarray:
-        """F'^-1 B for B (n, k)."""
-        return self._solved(B.T, transposed=True).T
-
-    def solve_factor(self, b: np.ndarray) -> np.ndarray:
-        """F^-1 b for b (n,)."""
-        return self._solved(b[None], transposed=False)[0]
-
-    def _solved(self, rows: np.ndarray, transposed: bool) -> np.ndarray:
-        """F^-1 x or F'^-1 x for each of the rows x, (k, n)."""
+    def solved(self, rows: np.ndarray, *, transposed: bool) -> np.ndarray:
+        """F^-1 x, or F'^-1 x, for each of the rows x, (k, n)."""
         X = np.array(rows, np.float64, order='C')
         solve_rows(self._triangle(), self.form, transposed, X)
         return X
@@ -92,8 +81,8 @@ class Square(Factor):
         return _cholesky(self.F)
 
 
-Weight = np.ndarray | Factor | None  # None stands for the identity
-Level = tuple[np.ndarray, np.ndarray]  # J (m, n) and dx (m,) of one task
+Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None for the identity
+Level = tuple[Jacobian, TaskVelocity]  # of one task
 
 
 class ResistingLimit(Protocol):
@@ -103,98 +92,57 @@ class ResistingLimit(Protocol):
     def name(self) -> str:
         """'joint: limit'."""
 
-    @property
-    def escape(self) -> np.ndarray:
-        """The direction (n,) that leads away from it."""
-
 
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
-    """The joint velocity of one tick.
+    """The joint velocity of one tick."""
 
-    Attributes:
-        dq: (n,) [rad/s].
-        J: (m, n), of the first task.
-        executed: (m,), the part of dx that dq is meant to execute.
-        unachieved: (m,), the part that a singularity does not let through; None if there is none.
-        W: The metric.
-        levels: All tasks in order, with comparable rows, if there are several.
-        scale: (m,), what makes the rows of the first task comparable; None where they are.
-        s: The fraction of `executed` that limits allow (task scaling).
-        active_limit: The limit that resists hardest; None if none does.
-        dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
-        component_scaling: The fraction of `executed` along each component, translation and
-            rotation, if they are scaled separately; else empty.
-    """
-
-    dq: np.ndarray
-    J: np.ndarray
-    executed: np.ndarray
-    unachieved: np.ndarray | None = None
+    dq: JointVelocities
+    J: Jacobian  # of the first task
+    executed: TaskVelocity  # the part of dx that dq is meant to execute
+    unachieved: TaskVelocity | None = None  # that a singularity does not let through; None: nothing
     W: Weight = None
-    levels: Sequence[Level] = ()
-    scale: np.ndarray | None = None
-    s: float = 1.0
-    active_limit: ResistingLimit | None = None
-    dq_old: np.ndarray | None = None
+    levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
+    scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
+    s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
+    active_limit: ResistingLimit | None = None  # None if none resists
+    dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
+    # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()
 
     @property
-    def wanted(self) -> np.ndarray:
-        """dx, (m,)."""
+    def desired(self) -> TaskVelocity:
+        """dx."""
         return self.executed if self.unachieved is None else self.executed + self.unachieved
 
 
-def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
-    """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx, (n,) [rad/s].
+def resolve(
+    J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight = None
+) -> JointVelocities:
+    """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx.
 
-    Eq. (A.13) with y = dq, A = J, y_N = b. Near a singularity of J, where the solution would be
-    unbounded, the lost direction u is executed only in part: with s its singular value and e =
-    SINGULAR_RATIO max(s) > s, the fraction s^2/e^2 of the motion that executes u, and the rest of
-    the motion that does without it (end of Appendix A). The other directions are executed exactly.
+    Eq. (A.13) with y = dq, A = J, y_N = b; the rows of J are of one unit, or made comparable. Near
+    a singularity of J, where the solution would be unbounded, the lost direction u is executed only
+    in part: with s its singular value and e = SINGULAR_RATIO max(s) > s, the fraction s^2/e^2 of
+    the motion that executes u, and the rest of the motion that does without it (end of Appendix A).
+    The other directions are executed exactly.
 
-    Args:
-        J: (m, n) task Jacobian, m <= n; its rows are of one unit, or made comparable.
-        dx: (m,) task velocity.
-        b: (n,) bias [rad/s].
-        W: (n, n) symmetric positive definite weight, or its Factor; None for the identity.
-
-    Raises:
-        ArrayError: shapes that do not fit, NaN or infinity, a W that is not positive definite.
+    Raises ArrayError for shapes that do not fit, NaN or infinity, a W that is not positive definite.
     """
     _check_shapes(J, dx, b, W)
     dq, _ = resolve_one(J, dx, b, W)
     return dq
 
 
-def project(J: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
-    """The part of b in the null space of J, (n,): P b of Eq. (2), what the bias adds to J_W^# dx.
-
-    Args:
-        J: Jacobian, (m, n).
-        b: Bias, (n,) [rad/s].
-        W: As for `resolve`.
-    """
-    return resolve(J, np.zeros(len(J)), b, W)
-
-
 def resolve_in_order(
-    levels: Sequence[Level], b: np.ndarray, W: Weight = None
-) -> tuple[np.ndarray, bool]:
-    """dq (n,) [rad/s] for tasks in order of priority, Eq. (20), and whether the first is damped.
+    levels: Sequence[Level], b: JointVelocities, W: Weight = None
+) -> tuple[JointVelocities, bool]:
+    """dq for tasks in order of priority, Eq. (20), and whether the first one is damped.
 
     Each task is executed as well as those before it allow, in their null space and in the metric of
     W; b acts in the null space that is left. Where tasks conflict, a lower one has no solution, and
     next to that one far too fast: a direction of it counts as lost, too, that would take more than
-    FASTEST.
-
-    Args:
-        levels: (J, dx) of each task, the most important one first; at least one.
-        b: (n,) bias [rad/s].
-        W: weight as for `resolve`.
-
-    Raises:
-        ArrayError: as for `resolve`.
+    FASTEST. Raises ArrayError as `resolve` does.
     """
     J, dx = levels[0]
     dq = np.empty(len(b))
@@ -206,26 +154,20 @@ def resolve_in_order(
 
 
 def resolve_one(
-    J: np.ndarray,
-    dx: np.ndarray,
-    b: np.ndarray,
+    J: Jacobian,
+    dx: TaskVelocity,
+    b: JointVelocities,
     W: Weight,
     size: float = 0.0,
     fastest: float = math.inf,
-) -> tuple[np.ndarray, bool]:
-    """As `resolve`, without the check of shapes; and whether a direction was damped.
+) -> tuple[JointVelocities, bool]:
+    """As `resolve`, without the check of shapes, and also for m > n; and whether a direction was
+    damped.
 
     Args:
-        J: (m, n), also with m > n.
-        dx: (m,).
-        b: (n,).
-        W: weight.
-        size: singular values are judged against this, or against the largest one of J if that is
+        size: Singular values are judged against this, or against the largest one of J if that is
             larger.
-        fastest: a direction that takes more than this [rad/s] is damped as well.
-
-    Raises:
-        ArrayError: as for `resolve`.
+        fastest: A direction that takes more than this [rad/s] is damped as well.
     """
     dq = np.empty(len(b))
     outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)
@@ -238,16 +180,50 @@ def resolve_one(
     return dq, damped
 
 
+def solve_weight(W: Weight, x: np.ndarray) -> np.ndarray:
+    """W^-1 x, (n,)."""
+    if W is None:
+        return x
+    if isinstance(W, Factor):
+        return W.solved(W.solved(x[None], transposed=True), transposed=False)[0]
+    return np.linalg.solve(W, x)
+
+
+def stacked(levels: Sequence[Level], n: int) -> Level:
+    """J and dx of all tasks, stacked, for n joints; of a single task its own arrays."""
+    if len(levels) == 1:  # nothing to copy
+        return levels[0]
+    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
+    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
+    return J, dx
+
+
+def scaled(J: Jacobian, dx: TaskVelocity, scale: np.ndarray | None) -> Level:
+    """J and dx with each row multiplied by its scale (m,); None for all by one."""
+    if scale is None:
+        return J, dx
+    return scale[:, None] * J, scale * dx
+
+
+def as_array(W: Weight) -> tuple[np.ndarray, int]:
+    """The array of a weight, and its kind: IDENTITY, WEIGHT, FACTOR or SQUARE."""
+    if W is None:
+        return _NO_WEIGHT, IDENTITY
+    if isinstance(W, Factor):
+        return W.F, W.form
+    return W, WEIGHT
+
+
 def _solve(
-    J: np.ndarray,
-    dx: np.ndarray,
-    J_lower: np.ndarray,
-    dx_lower: np.ndarray,
-    b: np.ndarray,
+    J: Jacobian,
+    dx: TaskVelocity,
+    J_lower: Jacobian,
+    dx_lower: TaskVelocity,
+    b: JointVelocities,
     W: Weight,
     size: float,
     fastest: float,
-    dq: np.ndarray,
+    dq: JointVelocities,
 ) -> int:
     """The outcome of `closed_form`, which writes into dq; arrays of any type."""
     array = _NO_WEIGHT
@@ -264,8 +240,8 @@ def _solve(
 
 
 def _resolve_in_order_carefully(
-    levels: Sequence[Level], b: np.ndarray, W: Weight
-) -> tuple[np.ndarray, bool]:
+    levels: Sequence[Level], b: JointVelocities, W: Weight
+) -> tuple[JointVelocities, bool]:
     """As `resolve_in_order`, one task after the other, where not all can be executed exactly."""
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
@@ -274,69 +250,20 @@ def _resolve_in_order_carefully(
         if not Z.shape[1]:
             break
         # What is left to do is judged from the slowest velocity that executes the tasks above. A
-        # law may want joints far faster than that, as of a light wrist in the metric M M.
+        # law may ask for joints far faster than that, as of a light wrist in the metric M M.
         z_b = Z.T.dot(dq)
         dq_least = dq - Z.dot(z_b)
         rest = dx - J.dot(dq_least)
-        z, _ = resolve_one(J.dot(Z), rest, z_b, _within(W, Z), _largest(J), _FASTEST)
+        # A lower bound of the largest singular value of J, at most sqrt(m) times too small
+        largest = float(np.linalg.norm(J)) / math.sqrt(len(J))
+        z, _ = resolve_one(J.dot(Z), rest, z_b, _within(W, Z), largest, _FASTEST)
         dq = dq_least + Z.dot(z)
     return dq, damped
 
 
-def _check_outcome(
-    outcome: int, dq: np.ndarray, J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight
-) -> None:
-    """Raise ArrayError for a problem without a solution. Others may need damping."""
-    if outcome == INDEFINITE:
-        raise _indefinite(as_array(W)[0])
-    if outcome == NOT_FINITE:
-        raise ArrayError(_complaint(J, dx, b, W, dq))
-
-
-def stacked(levels: Sequence[Level], n: int) -> Level:
-    """J and dx of all tasks, stacked; of a single task its own arrays.
-
-    Args:
-        levels: J and dx of each; there may be none.
-        n: Number of joints.
-    """
-    if len(levels) == 1:  # nothing to copy
-        return levels[0]
-    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
-    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
-    return J, dx
-
-
-def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
-    """J and dx with comparable rows.
-
-    Args:
-        J: (m, n).
-        dx: (m,).
-        scale: What each row is multiplied by, (m,); None for all by one.
-    """
-    if scale is None:
-        return J, dx
-    return scale[:, None] * J, scale * dx
-
-
-def as_array(W: Weight) -> tuple[np.ndarray, int]:
-    """The array of a weight, and its kind: IDENTITY, WEIGHT, FACTOR or SQUARE."""
-    if W is None:
-        return _NO_WEIGHT, IDENTITY
-    if isinstance(W, Factor):
-        return W.F, W.form
-    return W, WEIGHT
-
-
 def _resolve_carefully(
-    J: np.ndarray,
-    dx: np.ndarray,
-    b: np.ndarray,
-    W: Weight,
-    size: float,
-    fastest: float = math.inf,
-) -> tuple[np.ndarray, bool]:
+    J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight, size: float, fastest: float
+) -> tuple[JointVelocities, bool]:
     """b + J_W^# (dx - J b) by orthogonal transformations, near a singularity of J damped; and
     whether it is.
 
@@ -359,8 +286,8 @@ def _resolve_carefully(
     e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(U.T.dot(dx)) / fastest)  # (k,)
     if not e.any():
         return b.copy(), True
-    factor = _factor(W, len(b))
-    C = Vt if factor is None else factor.solve_transposed(Vt.T).T  # (k, n) rows c_i
+    factor = Factor(_cholesky(W)) if isinstance(W, np.ndarray) else W
+    C = Vt if factor is None else factor.solved(Vt, transposed=True)  # (k, n) rows c_i
     kept = s >= e
     lost = ~kept
     Q, R = np.linalg.qr(C[kept].T)
@@ -373,15 +300,8 @@ def _resolve_carefully(
         A = s_lost[:, None] * C_lost
         rest = rho[lost] - s_lost * C[lost].dot(y)
         y = y + A.T.dot(np.linalg.solve(A.dot(A.T) + np.diag(d), rest))
-    step = y if factor is None else factor.solve_factor(y)
+    step = y if factor is None else factor.solved(y[None], transposed=False)[0]
     return b + step, int(np.count_nonzero(kept)) < len(U)
-
-
-def _factor(W: Weight, n: int) -> Factor | None:
-    """W as a Factor; None for the identity. Raises ArrayError for a W that has none."""
-    if W is None or isinstance(W, Factor):
-        return W
-    return Factor(_cholesky(W))
 
 
 def _cholesky(W: np.ndarray) -> np.ndarray:
@@ -404,35 +324,18 @@ def _within(W: Weight, Z: np.ndarray) -> Weight:
 
 
 def _null_space(J: np.ndarray, size: float) -> np.ndarray:
-    """Orthonormal columns (n, n - rank) that J takes to zero.
+    """Orthonormal columns (n, n - rank) that J (m, n) takes to zero.
 
-    Args:
-        J: (m, n), projected into the null space of the tasks above.
-        size: The largest singular value of the same rows before they were projected. Beside that
-            of J a task that the ones above leave no freedom would be judged against rounding.
+    J is projected into the null space of the tasks above, and size the largest singular value of
+    the same rows before. Beside that of J a task that the ones above leave no freedom would be
+    judged against rounding.
     """
     _, s, Vt = np.linalg.svd(J)
     rank = int(np.count_nonzero(s > _DEPENDENT_RATIO * max(size, np.finfo(float).tiny)))
     return Vt[rank:].T
 
 
-def _largest(J: np.ndarray) -> float:
-    """A lower bound of the largest singular value of J, at most sqrt(m) times too small."""
-    return float(np.linalg.norm(J)) / math.sqrt(len(J))
-
-
-def _indefinite(W: np.ndarray) -> ArrayError:
-    why = 'is not positive definite' if np.isfinite(W).all() else 'holds NaN or infinity'
-    return ArrayError(f'the weight W {why}; expected finite values and a positive definite W')
-
-
-def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight) -> None:
-    if (
-        J.shape == dx.shape + b.shape
-        and 1 <= len(dx) <= len(b)
-        and (W is None or W.shape == b.shape + b.shape)
-    ):
-        return
+def _check_shapes(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight) -> None:
     if J.ndim != 2 or not 1 <= J.shape[0] <= J.shape[1]:
         raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
     m, n = J.shape
@@ -443,7 +346,29 @@ def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight) -> No
             )
 
 
-def _complaint(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, dq: np.ndarray) -> str:
+def _check_outcome(
+    outcome: int,
+    dq: JointVelocities,
+    J: Jacobian,
+    dx: TaskVelocity,
+    b: JointVelocities,
+    W: Weight,
+) -> None:
+    """Raise ArrayError for a problem without a solution. Others may need damping."""
+    if outcome == INDEFINITE:
+        raise _indefinite(as_array(W)[0])
+    if outcome == NOT_FINITE:
+        raise ArrayError(_complaint(J, dx, b, W, dq))
+
+
+def _indefinite(W: np.ndarray) -> ArrayError:
+    why = 'is not positive definite' if np.isfinite(W).all() else 'holds NaN or infinity'
+    return ArrayError(f'the weight W {why}; expected finite values and a positive definite W')
+
+
+def _complaint(
+    J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight, dq: JointVelocities
+) -> str:
     bad = [
         name
         for name, array in (('J', J), ('dx', dx), ('b', b), ('W', W))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -14,8 +14,23 @@ from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.types import Cycles, TaskVelocity
-from redres_ros.vectors import finite_vector
+from redres_ros.types import (
+    Cycles,
+    InertiaMatrix,
+    Jacobian,
+    JacobianDerivatives,
+    JointAccelerations,
+    JointPositions,
+    JointTorques,
+    JointVelocities,
+    Meters,
+    Points,
+    Position,
+    Rotation,
+    TaskVelocity,
+    Twist,
+    finite_vector,
+)
 
 _ALIGNED = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, along the axes of the base
 
@@ -30,19 +45,12 @@ _CROSS = np.array(
 
 
 class TickContext(NamedTuple):
-    """What a tick needs besides the state of the arm.
+    """What a tick needs besides the state of the arm."""
 
-    Attributes:
-        measurements: By name, as preferences and limits ask for them.
-        gap: Between two commands, in which every joint must be able to stop.
-        longest_gap: The same of the next command alone, which may be the last one for long.
-        correction: The part of dx that only holds what nobody asks to move.
-    """
-
-    measurements: Mapping[str, np.ndarray] = MappingProxyType({})
-    gap: Cycles = 1
-    longest_gap: Cycles = 1
-    correction: TaskVelocity | None = None
+    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # that are fresh, by name
+    gap: Cycles = 1  # between two commands, in which every joint must be able to stop
+    longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
+    correction: TaskVelocity | None = None  # the part of dx that only holds what must not move
 
 
 _USUAL = TickContext()
@@ -51,15 +59,9 @@ _USUAL = TickContext()
 class RobotState:
     """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
-    Each quantity is evaluated once, when it is asked for first: most laws do without most of them.
-
-    Args:
-        model: Model of the arm.
-        q: (n,) [rad].
-        dq_prev: (n,) [rad/s], the last command, which is all that is known of the velocity at a
-            tick (footnote 4).
-        ddq_prev: (n,) [rad/s^2], the acceleration of the last command; None: zero.
-        tick: What a tick needs besides.
+    dq_prev is the last command, which is all that is known of the velocity at a tick (footnote 4),
+    ddq_prev its acceleration, zero if none is given. Each quantity is evaluated once, when it is
+    asked for first: most laws do without most of them.
     """
 
     # Until a quantity is asked for. A property with such a default takes half of what a
@@ -73,9 +75,9 @@ class RobotState:
     def __init__(
         self,
         model: 'RobotModel',
-        q: np.ndarray,
-        dq_prev: np.ndarray,
-        ddq_prev: np.ndarray | None = None,
+        q: JointPositions,
+        dq_prev: JointVelocities,
+        ddq_prev: JointAccelerations | None = None,
         tick: TickContext = _USUAL,
     ) -> None:
         self.model = model
@@ -84,8 +86,8 @@ class RobotState:
         self.dq_prev = dq_prev
         self.ddq_prev = np.zeros(len(q)) if ddq_prev is None else ddq_prev
 
-    def with_velocity(self, dq_prev: np.ndarray) -> 'RobotState':
-        """The same position at another last velocity (n,) [rad/s]; keeps what q alone decides."""
+    def with_velocity(self, dq_prev: JointVelocities) -> 'RobotState':
+        """The same position at another last velocity; keeps what q alone decides."""
         state = copy(self)
         state.dq_prev = dq_prev
         state._n = None
@@ -97,86 +99,89 @@ class RobotState:
         return self.tick.measurements
 
     @property
-    def J(self) -> np.ndarray:
+    def J(self) -> Jacobian:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
         if self._J is None:
             self._J = self.model._tip_jacobian(self.q)
         return self._J
 
     @property
-    def x(self) -> np.ndarray:
-        """Tip position in the base frame, (3,) [m]."""
+    def x(self) -> Position:
+        """Of the tip in the base frame."""
         if self._x is None:
             self._x = self.model._tip_position(self.q)
         return self._x
 
     @property
-    def R(self) -> np.ndarray:
-        """Tip orientation in the base frame, (3, 3)."""
+    def R(self) -> Rotation:
+        """Of the tip in the base frame."""
         if self._R is None:
             self._R = self.model._tip_orientation(self.q)
         return self._R
 
     @property
-    def M(self) -> np.ndarray:
-        """Inertia, (n, n) [kg m^2]."""
+    def M(self) -> InertiaMatrix:
         if self._M is None:
             self._M = self.model._inertia(self.q)
         return self._M
 
     @property
-    def n(self) -> np.ndarray:
-        """Coriolis, centrifugal and gravity torque n(q, dq_prev), (n,) [Nm]."""
+    def n(self) -> JointTorques:
+        """Coriolis, centrifugal and gravity torque n(q, dq_prev)."""
         if self._n is None:
             self._n = self.model._bias_torque(self.q, self.dq_prev)
         return self._n
 
     @property
-    def gravity(self) -> np.ndarray:
-        """Gravity torque n(q, 0), (n,) [Nm]."""
+    def gravity(self) -> JointTorques:
+        """Gravity torque n(q, 0)."""
         return self.model._bias_torque(self.q, np.zeros(len(self.q)))
 
-    def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""
+    def pose(self, frame: str) -> tuple[Position, Rotation]:
+        """Of a frame in the base frame; '' is the tip."""
         return self.model.pose(self.q, frame) if frame else (self.x, self.R)
 
-    def rotation(self, frame: str) -> np.ndarray:
-        """Orientation of a frame, (3, 3); '' is the tip."""
+    def rotation(self, frame: str) -> Rotation:
+        """Of a frame in the base frame; '' is the tip."""
         return self.model.pose(self.q, frame)[1] if frame else self.R
 
-    def jacobian(self, frame: str) -> np.ndarray:
-        """Jacobian (6, n) of a frame, rows as in `J`; '' is the tip."""
+    def jacobian(self, frame: str) -> Jacobian:
+        """Of a frame, (6, n), rows as in `J`; '' is the tip."""
         return self.model.jacobian(self.q, frame) if frame else self.J
 
-    def jacobian_derivatives(self, frame: str) -> np.ndarray:
-        """dJ/dq_i of a frame's Jacobian J (6, n), (n, 6, n); '' is the tip."""
-        return jacobian_derivatives(self.jacobian(frame))
+    def jacobian_derivatives(self, frame: str) -> JacobianDerivatives:
+        """Of a frame's Jacobian, (n, 6, n), by its rows alone; '' is the tip.
+
+        With v_j and w_j the linear and angular columns: joint i turns or shifts all that comes
+        after it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, and w_j x v_i for
+        i > j.
+        """
+        J = self.jacobian(frame)
+        n = J.shape[1]
+        turns = J[3:].T.dot(_CROSS).reshape(n, 3, 3)  # w_i x as a matrix
+        dv = turns @ J[:3]  # (i, 3, j): w_i x v_j
+        dw = turns @ J[3:]
+        inner = np.tri(n, dtype=bool).T[:, None, :]  # (i, 1, j): i <= j
+        dv = np.where(inner, dv, dv.transpose(2, 1, 0))
+        return np.concatenate((dv, np.where(inner, dw, 0.0)), axis=1)
 
 
 class RobotModel:
     """An arm's model in Pinocchio.
-
-    Args:
-        arm: Geometry and dynamics.
-        weight: Whether torques carry the arm. False: the robot does that by itself, n is without
-            gravity, and so are torque limits.
 
     Raises:
         FileError: A URDF that cannot be used.
         UnknownNameError: A frame that does not exist.
     """
 
-    def __init__(self, arm: Arm, *, weight: bool = True) -> None:
+    def __init__(self, arm: Arm) -> None:
         self.arm = arm
-        self._weight = weight
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
             raise FileError(f'{arm.source} is not a usable URDF: {error}') from None
         if arm.armature:
             self._model.armature[:] = arm.armature
-        if not weight:
-            self._model.gravity = pin.Motion.Zero()
         self._portable_arm = arm.with_text()  # now: later the file may have changed, or be gone
         self._data = self._model.createData()
         self._tip = self._frame(arm.tip_frame)
@@ -187,24 +192,20 @@ class RobotModel:
         # leaves them.
         self._placed = b''
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
+        self.links = tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
         self.n = self._model.nv
         self.joint_names = tuple(self._model.names[1:])
-        self.q_min = self._model.lowerPositionLimit.copy()  # (n,) [rad]
-        self.q_max = self._model.upperPositionLimit.copy()  # (n,) [rad]
-        self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
-        self.tau_max = self._model.effortLimit.copy()  # (n,) [Nm]
+        self.q_min: JointPositions = self._model.lowerPositionLimit.copy()
+        self.q_max: JointPositions = self._model.upperPositionLimit.copy()
+        self.dq_max: JointVelocities = self._model.velocityLimit.copy()
+        self.tau_max: JointTorques = self._model.effortLimit.copy()
         self.reach = self._reach()
 
     def __reduce__(self) -> tuple[Callable[[Arm], 'RobotModel'], tuple[Arm]]:
         """Pickle and copy by the arm: a copy of Pinocchio's data would no longer be what
         `_tip_x` and `_tip_R` look at.
         """
-        return partial(type(self), weight=self._weight), (self._portable_arm,)
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """Names of the links."""
-        return tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
+        return type(self), (self._portable_arm,)
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -232,13 +233,13 @@ class RobotModel:
         base_offset: float | None = None,
         tool_offset: float | None = None,
     ) -> 'RobotModel':
-        """The arm of that name.
+        """The arm of that name in ARMS; None stands for the arm's own value.
 
         Args:
-            name: Name of an arm in ARMS.
-            dynamics: 'identified' or 'cylinders'; None for the arm's own.
-            base_offset: Height of the arm above its root link [m]; None for the arm's own.
-            tool_offset: Offset of the tip from the flange [m]; None for the arm's own.
+            name: Name of the arm.
+            dynamics: 'identified' or 'cylinders'.
+            base_offset: Height of the arm above its root link [m].
+            tool_offset: Offset of the tip from the flange [m].
 
         Raises:
             UnknownNameError: No arm, or no dynamics, has that name.
@@ -264,9 +265,8 @@ class RobotModel:
             tip_frame: The link that carries out the task.
             elbow_frame: The link whose origin counts as the elbow; empty: that of the joint in the
                 middle of the arm.
-            acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: an assumption, see
-                `arm.remarks()`.
-            effort_limit: Of each joint, (n,) [Nm]; empty: that of the URDF.
+            acceleration_limit: Of each joint [rad/s^2]; empty: an assumption, see `arm.remarks()`.
+            effort_limit: Of each joint [Nm]; empty: that of the URDF.
         """
         arm = arm_from_urdf(
             Path(path),
@@ -277,56 +277,30 @@ class RobotModel:
         )
         return cls(arm)
 
-    def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """The state at (q, dq_prev); its arrays are never overwritten.
-
-        Args:
-            q: (n,) [rad].
-            dq_prev: (n,) [rad/s].
-
-        Raises:
-            ArrayError: Another length, or NaN or infinity.
-        """
-        return self.unchecked_state(
-            finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
+    def state(self, q: JointPositions, dq_prev: JointVelocities) -> RobotState:
+        """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError."""
+        return RobotState(
+            self, finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
         )
 
-    def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """As `state`, without check or copy.
-
-        Args:
-            q: Finite, (n,) [rad], and never modified by the caller.
-            dq_prev: Finite, (n,) [rad/s], and never modified by the caller.
-        """
-        return RobotState(self, q, dq_prev)
-
-    def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without
-        M or n.
-
-        Args:
-            q: (n,) [rad].
-            dq: (n,) [rad/s].
-            tau: Joint torques, (n,) [Nm].
-        """
+    def acceleration(
+        self, q: JointPositions, dq: JointVelocities, tau: JointTorques
+    ) -> JointAccelerations:
+        """ddq = M^-1 (tau - n), Eq. (6), by the articulated-body algorithm, without M or n."""
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         tau = finite_vector(tau, self.n, 'tau')
         self._placed = b''
         return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
-    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        """M(q) ddq + n(q, dq), (n,) [Nm], Eq. (6), without M or n and without check.
-
-        Args:
-            q: (n,) [rad].
-            dq: (n,) [rad/s].
-            ddq: (n,) [rad/s^2].
-        """
+    def torque(
+        self, q: JointPositions, dq: JointVelocities, ddq: JointAccelerations
+    ) -> JointTorques:
+        """M(q) ddq + n(q, dq), Eq. (6), without M or n and without check."""
         return pin.rnea(self._model, self._data, q, dq, ddq)  # a copy
 
     @cached_property
-    def torque_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+    def torque_bounds(self) -> tuple[JointTorques, np.ndarray]:
         """G (n,) [Nm] and H (n,) [kg m^2] with |tau_i| <= G_i + H_i (A + 2 V^2) at every q.
 
         A is the sum of all |ddq_j|, V that of all |dq_j|. A link turns at V at most, and faster by
@@ -353,13 +327,8 @@ class RobotModel:
             G[:] = np.inf
         return G, H
 
-    def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """dJ dq, (6,): the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J.
-
-        Args:
-            q: (n,) [rad].
-            dq: (n,) [rad/s].
-        """
+    def velocity_product(self, q: JointPositions, dq: JointVelocities) -> Twist:
+        """dJ dq: the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         self._placed = b''
@@ -367,43 +336,28 @@ class RobotModel:
         ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, _ALIGNED)
         return ddx.vector.copy()
 
-    def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
+    def tip(self, q: JointPositions) -> tuple[Position, Rotation]:
+        """The tip's pose in the base frame."""
         q = finite_vector(q, self.n, 'q')
         return self._tip_position(q), self._tip_orientation(q)
 
-    def pose(self, q: np.ndarray, frame: str) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) [m] and orientation (3, 3) of a frame in the base frame.
-
-        Args:
-            q: (n,) [rad].
-            frame: Name of a link.
-        """
+    def pose(self, q: JointPositions, frame: str) -> tuple[Position, Rotation]:
+        """Of a link in the base frame."""
         q = finite_vector(q, self.n, 'q')
         self._placed = b''
         pin.forwardKinematics(self._model, self._data, q)
         placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
         return placement.translation.copy(), placement.rotation.copy()
 
-    def position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame's origin in the base frame, (3,) [m].
-
-        Args:
-            q: (n,) [rad].
-            frame: Name of a link.
-        """
+    def position(self, q: JointPositions, frame: str) -> Position:
+        """Of a link's origin in the base frame."""
         return self.pose(q, frame)[0]
 
     def energies_and_positions(
         self, q: np.ndarray, dq: np.ndarray, frame: str
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """1/2 dq' M dq, (ticks,) [J], without M, and the positions of a frame's origin in the base
-        frame, (ticks, 3) [m].
-
-        Args:
-            q: (ticks, n) [rad].
-            dq: (ticks, n) [rad/s].
-            frame: Name of a link.
+    ) -> tuple[np.ndarray, Points]:
+        """1/2 dq' M dq of each tick, (ticks,) [J], without M, and the positions of a link's origin
+        in the base frame; q and dq are (ticks, n).
         """
         index = self._frame(frame)
         place = self._data.oMf[index].translation  # in the data: changes with them
@@ -416,66 +370,58 @@ class RobotModel:
             row[:] = place
         return np.array(energies), x
 
-    def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones.
-
-        Args:
-            q: (n,) [rad].
-            frame: Name of a link.
-        """
+    def jacobian(self, q: JointPositions, frame: str) -> Jacobian:
+        """Of a link in the base frame, (6, n): the linear rows, then the angular ones."""
         q = finite_vector(q, self.n, 'q')
         self._placed = b''
-        J: np.ndarray = pin.computeFrameJacobian(
+        J: Jacobian = pin.computeFrameJacobian(
             self._model, self._data, q, self._frame(frame), _ALIGNED
         )
         return J
 
-    def check_reach(self, x: np.ndarray) -> None:
-        """Refuse a point that the tip cannot reach: one that is farther from the first joint than
-        all links in one line, with linear joints at their longest.
-
-        Args:
-            x: Position in the base frame, (3,) [m].
-
-        Raises:
-            RangeError: It is too far away.
+    def check_reach(self, x: Position) -> None:
+        """Raise RangeError for a point that is farther from the first joint than all links in one
+        line, with linear joints at their longest.
         """
-        root, length = self._length()
-        distance = float(np.linalg.norm(x - root))
-        if not distance <= length:
-            raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
-
-    def _length(self) -> tuple[np.ndarray, float]:
-        """Position of the first joint in the base frame, (3,) [m], and a bound on the distance of
-        the tip from there [m].
-        """
-        joint = self._model.frames[self._tip].parentJoint
         length = self.reach
+        joint = self._model.frames[self._tip].parentJoint
         while joint:
             if self._model.joints[joint].shortname().startswith('JointModelP'):  # prismatic
                 place = self._model.joints[joint].idx_q
                 length += float(max(abs(self.q_min[place]), abs(self.q_max[place])))
-            root = self._model.jointPlacements[joint].translation.copy()
+            root = self._model.jointPlacements[joint].translation
             joint = self._model.parents[joint]
-        return root, length
+        distance = float(np.linalg.norm(x - root))
+        if not distance <= length:
+            raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
-    def _tip_position(self, q: np.ndarray) -> np.ndarray:
+    def _reach(self) -> Meters:
+        """Length of the arm from its second joint to the tip, stretched out."""
+        tip = self._model.frames[self._tip]
+        reach = np.linalg.norm(tip.placement.translation)
+        joint = tip.parentJoint
+        while self._model.parents[joint]:
+            reach += np.linalg.norm(self._model.jointPlacements[joint].translation)
+            joint = self._model.parents[joint]
+        return float(reach)
+
+    def _tip_position(self, q: JointPositions) -> Position:
         self._place_tip(q)
         return self._tip_x.copy()
 
-    def _tip_orientation(self, q: np.ndarray) -> np.ndarray:
+    def _tip_orientation(self, q: JointPositions) -> Rotation:
         self._place_tip(q)
         return self._tip_R.copy()
 
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+    def _tip_jacobian(self, q: JointPositions) -> Jacobian:
         if self._tip_J is None:
             self._placed = b''
         self._place_tip(q)
-        J: np.ndarray = self._tip_J
+        J: Jacobian = self._tip_J
         self._tip_J = None  # the caller may change it
         return J
 
-    def _place_tip(self, q: np.ndarray) -> None:
+    def _place_tip(self, q: JointPositions) -> None:
         """Compute the tip's pose and its Jacobian, unless q is that of the last call.
 
         A tick asks for all of them: each alone takes as long as they do together.
@@ -486,39 +432,14 @@ class RobotModel:
             self._tip_J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
             self._placed = key
 
-    def _inertia(self, q: np.ndarray) -> np.ndarray:
+    def _inertia(self, q: JointPositions) -> InertiaMatrix:
         return pin.crba(self._model, self._data, q)  # a copy
 
-    def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    def _bias_torque(self, q: JointPositions, dq: JointVelocities) -> JointTorques:
         return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
-
-    def _reach(self) -> float:
-        """Length of the arm from its second joint to the tip, stretched out [m]."""
-        tip = self._model.frames[self._tip]
-        reach = np.linalg.norm(tip.placement.translation)
-        joint = tip.parentJoint
-        while self._model.parents[joint]:
-            reach += np.linalg.norm(self._model.jointPlacements[joint].translation)
-            joint = self._model.parents[joint]
-        return float(reach)
 
     def _frame(self, name: str) -> int:
         """The frame of a link; a joint may have the same name."""
         if not self._model.existFrame(name, pin.BODY):
             raise UnknownNameError('frame', name, self.links)
         return self._model.getFrameId(name, pin.BODY)
-
-
-def jacobian_derivatives(J: np.ndarray) -> np.ndarray:
-    """dJ/dq_i of a serial arm's Jacobian J (6, n), (n, 6, n), by the rows of J alone.
-
-    With v_j and w_j the linear and angular columns: joint i turns or shifts all that comes after
-    it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, and w_j x v_i for i > j.
-    """
-    n = J.shape[1]
-    turns = J[3:].T.dot(_CROSS).reshape(n, 3, 3)  # w_i x as a matrix
-    dv = turns @ J[:3]  # (i, 3, j): w_i x v_j
-    dw = turns @ J[3:]
-    inner = np.tri(n, dtype=bool).T[:, None, :]  # (i, 1, j): i <= j
-    dv = np.where(inner, dv, dv.transpose(2, 1, 0))
-    return np.concatenate((dv, np.where(inner, dw, 0.0)), axis=1)

@@ -1,12 +1,17 @@
-"""Shapes and units as part of the type: what an array holds, and in what it is measured.
+"""Arrays: shapes and units as part of the type, and checks of vectors that users give.
 
 n is the number of joints, m that of the task's rows. All arrays are of float64, all units SI; a
 sliding joint has metres where a turning one has radians.
 """
 
-from typing import Annotated
+import math
+from typing import Annotated, Any
 
 import numpy as np
+
+from redres_ros.errors import ArrayError, quoted
+
+FLOAT64 = np.dtype(np.float64)
 
 JointPositions = Annotated[np.ndarray, '(n,) [rad]']
 JointVelocities = Annotated[np.ndarray, '(n,) [rad/s]']
@@ -16,6 +21,7 @@ InertiaMatrix = Annotated[np.ndarray, '(n, n) [kg m^2]']
 
 TaskVelocity = Annotated[np.ndarray, '(m,) [m/s], then [rad/s]']
 Jacobian = Annotated[np.ndarray, '(m, n)']
+JacobianDerivatives = Annotated[np.ndarray, '(n, m, n), dJ/dq_i']
 Position = Annotated[np.ndarray, '(3,) [m]']
 Points = Annotated[np.ndarray, '(N, 3) [m]']
 Rotation = Annotated[np.ndarray, '(3, 3)']
@@ -31,3 +37,46 @@ Nanoseconds = Annotated[int, '[ns]']
 Cycles = Annotated[int, 'cycles of the robot']
 Meters = Annotated[float, '[m]']
 Radians = Annotated[float, '[rad]']
+
+
+def finite_vector(values: Any, size: int, name: str) -> np.ndarray:
+    """A copy of the values as (size,) float64.
+
+    Raises ArrayError, which calls it by its name: for another shape, no numbers, NaN or infinity.
+    """
+    vector = as_vector(values, size, name)
+    check_finite(vector, name)
+    return vector.copy()
+
+
+def as_vector(values: Any, size: int, name: str) -> np.ndarray:
+    """The values as (size,) float64: the array itself if it is one; NaN and infinity may be in it.
+
+    Raises ArrayError for another shape, or no numbers.
+    """
+    if type(values) is not np.ndarray or values.dtype is not FLOAT64:
+        values = _as_floats(values, size, name)
+    if values.shape != (size,):
+        raise ArrayError(f'{name} has shape {values.shape}; expected ({size},)')
+    return values
+
+
+def check_finite(vector: np.ndarray, name: str) -> None:
+    """Raise ArrayError for NaN or infinity in a vector of any length."""
+    if not all(map(math.isfinite, vector.tolist())):  # half the time of np.isfinite().all()
+        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
+
+
+def _as_floats(values: Any, size: int, name: str) -> np.ndarray:
+    """A copy of the values as an array of float64; not of a mask, whose values numpy would drop."""
+    problem = ''
+    try:
+        if np.ma.is_masked(values):
+            problem = 'has masked values'
+        elif np.asarray(values).dtype.kind not in 'iufO':
+            problem = f'is {quoted(values)}'
+        else:
+            return np.array(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None
+    raise ArrayError(f'{name} {problem}; expected {size} real numbers')

@@ -1,15 +1,15 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
-from redres_ros.laws.law import Law
 from redres_ros.laws.laws import (
     DynamicallyConsistent,
+    Law,
     MinimumAcceleration,
     MinimumKineticEnergy,
     MinimumTorque,
     MinimumVelocity,
     MinimumWeightedTorque,
 )
-from redres_ros.table import Table
+from redres_ros.parameter import Table
 
 LAWS: Table[Law] = Table(
     'law',

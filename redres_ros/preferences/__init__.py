@@ -1,6 +1,6 @@
 """The preferences by name. A new preference is one small class and one line in this table."""
 
-from redres_ros.preferences.preference import Preference
+from redres_ros.parameter import Table
 from redres_ros.preferences.preferences import (
     Compliance,
     ElbowHeight,
@@ -8,8 +8,8 @@ from redres_ros.preferences.preferences import (
     JointLimitAvoidance,
     Manipulability,
     Posture,
+    Preference,
 )
-from redres_ros.table import Table
 
 PREFERENCES: Table[Preference] = Table(
     'preference',

@@ -1,18 +1,58 @@
-"""The preferences: joint positions, the arm's shape, and what pushes it."""
+"""The preferences, auxiliary joint accelerations ddq_N of Eq. (19): joint positions, the arm's
+shape, and what pushes it.
+"""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
-from redres_ros.errors import ArrayError
-from redres_ros.parameter import param
-from redres_ros.preferences.preference import Preference
+from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.resolution import Weight, solve_weight
 from redres_ros.robot_model import RobotState
+from redres_ros.types import JointAccelerations
 
+_LITTLE = 1e-3  # [rad/s^2]
 _FARTHEST = 1000.0  # [m] a height that no arm reaches; 1e308 times a gain would be infinite
 _ROWS = {'position': 3, 'pose': 6}  # of the Jacobian that is to be far from singular
+
+
+@dataclass(frozen=True)
+class Preference(ABC):
+    """A null-space objective. It adds T ddq_N to the bias of every law that has velocity history.
+
+    A subclass is a frozen dataclass whose fields are declared with `param`. One that uses a sensor
+    names its `measurement`, finds it in `state.measurements` while it is fresh, and is zero without
+    it. In Python `Controller.measurements` holds them; the node subscribes to a topic of that name.
+    """
+
+    measurement: ClassVar[str] = ''
+    qualifier: ClassVar[str] = ''  # the field that is given after an @, as in manipulability@pose
+    gain: float = param(4.0, 'k of the auxiliary acceleration [1/s^2]', 0.0, 1e4)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @abstractmethod
+    def acceleration(self, state: RobotState) -> JointAccelerations:
+        """ddq_N."""
+
+    def acceleration_in(self, state: RobotState, W: Weight) -> JointAccelerations:
+        """ddq_N for a law of the weight W, if it depends on that."""
+        return self.acceleration(state)
+
+    def asks(self, state: RobotState) -> bool:
+        """Whether a measurement is to move an arm that is at rest."""
+        if self.measurement not in state.measurements:
+            return False
+        return bool((np.abs(self.acceleration(state)) > _LITTLE).any())
+
+    def with_initial_targets(self, state: RobotState) -> Self:
+        """A copy with unset targets taken from the current state."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -23,7 +63,7 @@ class JointCentering(Preference):
     no middle and no part in it.
     """
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         width = state.model.q_max - state.model.q_min  # (n,) [rad]
         lower = np.where(np.isfinite(width), state.model.q_min, state.q)
         offset = np.where(np.isfinite(width), state.q - lower - width / 2.0, 0.0)
@@ -40,10 +80,10 @@ class JointLimitAvoidance(Preference):
     """
 
     gain: float = param(40.0, 'k of the auxiliary acceleration [1/s^2]', 0.0, 1e4)
-    margin: float = param(0.26, 'distance from the ends in which it acts at rest [rad]', 0.0, 3.0)
-    horizon: float = param(0.5, 't, how far a motion is predicted [s]', 0.0, 5.0)
+    margin: float = 0.26  # distance from the ends in which it acts at rest [rad]
+    horizon: float = 0.5  # t, how far a motion is predicted [s]
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         predicted = state.q + self.horizon * state.dq_prev  # (n,) [rad]
         above = np.maximum(predicted - (state.model.q_max - self.margin), 0.0)
         below = np.maximum(state.model.q_min + self.margin - predicted, 0.0)
@@ -56,7 +96,7 @@ class Posture(Preference):
 
     target: tuple[float, ...] = param((), 'q*, a value for each joint [rad]; none: the start')
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         target = np.array(self.target)
         if target.shape != state.q.shape:
             raise ArrayError(
@@ -73,12 +113,19 @@ class Posture(Preference):
 class Manipulability(Preference):
     """Away from singularities: ddq_N = k d/dq sqrt(det(J J')).
 
-    Where J is singular the measure is zero and has no gradient; ddq_N is then zero, too.
+    J is of the tip's position, or of its pose in manipulability@pose. Where it is singular the
+    measure is zero and has no gradient; ddq_N is then zero, too.
     """
 
-    rows: str = param('position', "rows of J: the tip's position or pose", choices=tuple(_ROWS))
+    qualifier: ClassVar[str] = 'rows'
+    rows: str = 'position'
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rows not in _ROWS:
+            raise UnknownNameError('rows of manipulability', self.rows, _ROWS)
+
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         m = _ROWS[self.rows]
         J = state.J[:m]
         s = np.linalg.svd(J, compute_uv=False)
@@ -96,7 +143,7 @@ class ElbowHeight(Preference):
 
     height: float = param(math.inf, 'z*, desired height of the elbow [m]; inf: as high as possible')
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         frame = state.model.elbow_frame
         slope = state.jacobian(frame)[2]  # (n,) dz/dq
         if math.isinf(self.height):
@@ -108,17 +155,16 @@ class ElbowHeight(Preference):
 
 @dataclass(frozen=True)
 class Compliance(Preference):
-    """Yielding to torques from outside: ddq_N = k M^-p tau_ext; nothing while none are measured.
+    """Yielding to torques from outside: ddq_N = k W^-1 tau_ext; nothing while none are measured.
 
-    If the law's weight W is M^p, a force f on the tip moves nothing in the null space, dq = Z z:
-    Z' W M^-p J' f = (J Z)' f = 0.
+    W is the law's weight. So a force f on the tip moves nothing in the null space, dq = Z z:
+    Z' W W^-1 J' f = (J Z)' f = 0.
     """
 
     measurement: ClassVar[str] = 'external_torques'
-    gain: float = param(1.0, 'k; with p = 0 in [rad/(s^2 Nm)], with p = 1 in [1]', 0.0, 1e4)
-    inertia_power: int = param(0, "p of M^-p: that of the law's weight W = I, M or M M [1]", 0, 2)
+    gain: float = param(1.0, 'k; with W = I in [rad/(s^2 Nm)], with W = M in [1]', 0.0, 1e4)
 
-    def acceleration(self, state: RobotState) -> np.ndarray:
+    def acceleration(self, state: RobotState) -> JointAccelerations:
         torques = state.measurements.get(self.measurement)
         if torques is None:
             return np.zeros(len(state.q))
@@ -126,7 +172,7 @@ class Compliance(Preference):
             raise ArrayError(
                 f'{self.measurement} has the shape {torques.shape}; expected {state.q.size} values'
             )
-        ddq_N = self.gain * torques
-        for _ in range(self.inertia_power):
-            ddq_N = np.linalg.solve(state.M, ddq_N)
-        return ddq_N
+        return self.gain * torques
+
+    def acceleration_in(self, state: RobotState, W: Weight) -> JointAccelerations:
+        return solve_weight(W, self.acceleration(state))

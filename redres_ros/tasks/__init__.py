@@ -1,7 +1,6 @@
 """The tasks by name. A new task is one small class and one line in this table."""
 
-from redres_ros.table import Table
-from redres_ros.tasks.task import Task
+from redres_ros.parameter import Table
 from redres_ros.tasks.tasks import (
     Axis,
     Configuration,
@@ -10,6 +9,7 @@ from redres_ros.tasks.tasks import (
     Orientation,
     Pose,
     Position,
+    Task,
 )
 
 TASKS: Table[Task] = Table(

@@ -1,17 +1,83 @@
-"""The tasks: position and orientation of a frame, most often the tip; the elbow; joints."""
+"""The tasks, J dq = dx: position and orientation of a frame, most often the tip; the elbow; joints.
 
-from dataclasses import dataclass
+The first task of a controller gets its dx from outside. The others hold their targets, dx = k e.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.kernels.tick import rotation_error
-from redres_ros.parameter import param
+from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
-from redres_ros.tasks.task import FrameTask, Task, check_length
+from redres_ros.rotation import from_quaternion, rotation_error, rotation_matrix, to_quaternion
+from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity
+
+
+@dataclass(frozen=True)
+class Task(ABC):
+    """One aim of the arm.
+
+    A target that is left open, (), becomes the value at the start of the motion. A subclass is a
+    frozen dataclass whose fields are declared with `param`, its target among them.
+    """
+
+    size: ClassVar[int]  # m, the number of rows
+    target_size: ClassVar[int] = 0  # how many numbers the target has; 0: as many as rows
+    components: ClassVar[tuple[int, ...]] = ()  # rows of translation, of rotation; empty: one only
+    qualifier: ClassVar[str] = ''  # the field that is given after an @, as in joint@A3
+    gain: float = param(10.0, 'k in dx = k e, of the error to the target [1/s]', 0.0, 1e3)
+    target: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        name = f'target of {type(self).__name__.lower()}'
+        _check_length(name, self.target, self.target_size or self.size)
+
+    def rows(self, model: RobotModel) -> int:
+        """m, the number of rows for an arm."""
+        return self.size
+
+    @abstractmethod
+    def jacobian(self, state: RobotState) -> Jacobian: ...
+
+    @abstractmethod
+    def value(self, state: RobotState) -> np.ndarray:
+        """Where the task is at this state, in the form of a target, (target_size,)."""
+
+    def error(self, state: RobotState) -> np.ndarray:
+        """The task error e, (m,), towards the target, which is set."""
+        return np.array(self.target) - self.value(state)
+
+    def with_initial_targets(self, state: RobotState) -> Self:
+        """A copy with an unset target taken from the current state."""
+        return replace(self, target=self.target or tuple(self.value(state).tolist()))
+
+    def velocity(self, state: RobotState) -> TaskVelocity:
+        """dx = k e."""
+        return self.gain * self.error(state)
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives | None:
+        """By which the arm finds the escape direction from a singularity.
+
+        None for a task that does not know them; it is stuck where J alone shows none.
+        """
+        return None
+
+    def row_scale(self, model: RobotModel) -> np.ndarray | None:
+        """Factors (m,) that make rows of different units comparable; None if all are alike."""
+        return None
+
+
+@dataclass(frozen=True)
+class FrameTask(Task):
+    """A task of one frame of the arm, given as in orientation@link_4; empty: the tip."""
+
+    qualifier: ClassVar[str] = 'frame'
+    frame: str = ''
 
 
 @dataclass(frozen=True)
@@ -23,10 +89,10 @@ class Position(FrameTask):
         (), 'desired position in the base frame [m]; none: that of the start'
     )
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         return state.jacobian(self.frame)[:3]
 
-    def derivatives(self, state: RobotState) -> np.ndarray:
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
         return state.jacobian_derivatives(self.frame)[:, :3]
 
     def value(self, state: RobotState) -> np.ndarray:
@@ -47,10 +113,10 @@ class Orientation(FrameTask):
         super().__post_init__()
         _check_direction('target of orientation', self.target)
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         return state.jacobian(self.frame)[3:]
 
-    def derivatives(self, state: RobotState) -> np.ndarray:
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def value(self, state: RobotState) -> np.ndarray:
@@ -60,8 +126,7 @@ class Orientation(FrameTask):
         return rotation_error(state.rotation(self.frame), self._desired)
 
     @cached_property
-    def _desired(self) -> np.ndarray:
-        """The target as a matrix, (3, 3)."""
+    def _desired(self) -> Rotation:
         return from_quaternion(np.array(self.target))
 
 
@@ -80,10 +145,10 @@ class Pose(FrameTask):
         super().__post_init__()
         _check_direction('target of pose', self.target[3:])
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         return state.jacobian(self.frame)
 
-    def derivatives(self, state: RobotState) -> np.ndarray:
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
         return state.jacobian_derivatives(self.frame)
 
     def value(self, state: RobotState) -> np.ndarray:
@@ -92,17 +157,15 @@ class Pose(FrameTask):
 
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
-        turn = rotation_error(R, self._desired)
-        return np.concatenate((np.array(self.target[:3]) - x, turn))
-
-    @cached_property
-    def _desired(self) -> np.ndarray:
-        """The target's orientation as a matrix, (3, 3)."""
-        return from_quaternion(np.array(self.target[3:]))
+        return np.concatenate((np.array(self.target[:3]) - x, rotation_error(R, self._desired)))
 
     def row_scale(self, model: RobotModel) -> np.ndarray:
         """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
         return _pose_scale(model.reach)
+
+    @cached_property
+    def _desired(self) -> Rotation:
+        return from_quaternion(np.array(self.target[3:]))
 
 
 @dataclass(frozen=True)
@@ -121,11 +184,11 @@ class Axis(FrameTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_length('axis', self.axis, 3)
+        _check_length('axis', self.axis, 3)
         _check_direction('axis', self.axis or (0.0,))
         _check_direction('target of axis', self.target)
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         across = state.rotation(self.frame).dot(_across(self.axis))  # (3, 2) in the base frame
         return across.T.dot(state.jacobian(self.frame)[3:])
 
@@ -142,7 +205,7 @@ class Axis(FrameTask):
         if sine > 0.0:
             turn = turn * (angle / sine)
         elif angle > 0.0:
-            turn = angle * across[:, 0]  # the opposite direction: any way round
+            turn = angle * across[:, 0]  # the opposite direction: any turn leads there
         return across.T.dot(turn)
 
 
@@ -155,7 +218,7 @@ class Elbow(Task):
         (), 'desired position of the elbow in the base frame [m]; none: that of the start'
     )
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         return state.jacobian(state.model.elbow_frame)[:3]
 
     def value(self, state: RobotState) -> np.ndarray:
@@ -164,13 +227,14 @@ class Elbow(Task):
 
 @dataclass(frozen=True)
 class Joint(Task):
-    """The angle of one joint: 1 row [rad/s]."""
+    """The angle of one joint, given as in joint@A3; empty: the first one. 1 row [rad/s]."""
 
     size: ClassVar[int] = 1
-    joint: str = param('', 'name of the joint; empty: the first one')
+    qualifier: ClassVar[str] = 'joint'
+    joint: str = ''
     target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         J = np.zeros((1, len(state.q)))
         J[0, self._index(state.model)] = 1.0
         return J
@@ -200,13 +264,21 @@ class Configuration(Task):
     def rows(self, model: RobotModel) -> int:
         return model.n
 
-    def jacobian(self, state: RobotState) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> Jacobian:
         n = len(state.q)
-        check_length('target of configuration', self.target, n)
+        _check_length('target of configuration', self.target, n)
         return np.eye(n)
 
     def value(self, state: RobotState) -> np.ndarray:
         return state.q
+
+
+def _check_length(name: str, values: tuple[float, ...], length: int) -> None:
+    """Refuse a vector of another length, 0 for any, or one that is not finite; () is open."""
+    if values and length and len(values) != length:
+        raise ArrayError(f'{name} holds {len(values)} numbers; expected {length}, or none')
+    if not np.isfinite(values).all():
+        raise ArrayError(f'{name} is {values}; every value must be finite')
 
 
 def _check_direction(name: str, values: tuple[float, ...]) -> None:
