@@ -20,8 +20,14 @@ from redres_ros.preferences import Preference
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
-from redres_ros.types import JointAccelerations, JointPositions, JointVelocities, TaskVelocity
-from redres_ros.vectors import as_vector, check_finite
+from redres_ros.types import (
+    JointAccelerations,
+    JointPositions,
+    JointVelocities,
+    TaskVelocity,
+    as_vector,
+    check_finite,
+)
 
 if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit

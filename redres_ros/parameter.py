@@ -84,10 +84,11 @@ def check_value(name: str, value: Any, parameter: Parameter) -> None:
 def _check_range(name: str, value: Any, parameter: Parameter) -> None:
     lower = -math.inf if parameter.lower is None else parameter.lower
     upper = math.inf if parameter.upper is None else parameter.upper
-    if isinstance(value, Real):
-        if not lower <= value <= upper:
-            raise RangeError(name, value, lower, upper)
-    elif not isinstance(value, str) or parameter.lower is not None or parameter.upper is not None:
+    is_number = isinstance(value, Real)
+    is_free_text = isinstance(value, str) and parameter.lower is parameter.upper is None
+    if is_number and not lower <= value <= upper:
+        raise RangeError(name, value, lower, upper)
+    if not is_number and not is_free_text:
         raise RangeError(name, value, lower, upper, 'a number')
 
 
@@ -145,7 +146,7 @@ class Table(dict[str, type[T]]):
             raise UnknownNameError(self.kind, entry, self)
         name, at, word = entry.partition('@')
         made: Any = self[name]
-        allowed = [field.name for field in parameters(made)]
+        allowed = [f.name for f in parameters(made)]
         for gain in gains:
             if gain not in allowed:
                 raise UnknownNameError(f'gain of {name}', gain, allowed)
@@ -189,8 +190,8 @@ class Table(dict[str, type[T]]):
     def gains(self, *names: str) -> Iterator[Gain]:
         """The gains of the entries of those names, or of all; none of one that is not there."""
         for owner in names or self:
-            for field, parameter in parameters(self[owner]).items() if owner in self else ():
-                yield Gain(self.kind, owner, field.name, field.default, parameter)
+            for f, parameter in parameters(self[owner]).items() if owner in self else ():
+                yield Gain(self.kind, owner, f.name, f.default, parameter)
 
     @property
     def gain_keys(self) -> dict[str, None]:

@@ -97,7 +97,7 @@ class Policy:
         return Solution(dq, J, executed, dx - executed, W, levels, scale)
 
     def constrained(self, free: Solution, state: RobotState, T: Seconds) -> Solution:
-        """The velocity within the limits that is nearest to a given one; itself if it keeps them."""
+        """The velocity within limits that is nearest to a given one; itself if it keeps them."""
         if self.limits is None:
             return free
         bounds = self.limits.violated(free.dq, state, T)

@@ -116,9 +116,7 @@ class Solution:
         return self.executed if self.unachieved is None else self.executed + self.unachieved
 
 
-def resolve(
-    J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight = None
-) -> JointVelocities:
+def resolve(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight = None) -> JointVelocities:
     """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx.
 
     Eq. (A.13) with y = dq, A = J, y_N = b; the rows of J are of one unit, or made comparable. Near
@@ -127,7 +125,7 @@ def resolve(
     the motion that executes u, and the rest of the motion that does without it (end of Appendix A).
     The other directions are executed exactly.
 
-    Raises ArrayError for shapes that do not fit, NaN or infinity, a W that is not positive definite.
+    Raises ArrayError for shapes that do not fit, NaN or infinity, an indefinite W.
     """
     _check_shapes(J, dx, b, W)
     dq, _ = resolve_one(J, dx, b, W)
@@ -164,10 +162,8 @@ def resolve_one(
     """As `resolve`, without the check of shapes, and also for m > n; and whether a direction was
     damped.
 
-    Args:
-        size: Singular values are judged against this, or against the largest one of J if that is
-            larger.
-        fastest: A direction that takes more than this [rad/s] is damped as well.
+    Singular values are judged against the largest one of J, or against size if that is larger. A
+    direction that takes more than `fastest` [rad/s] is damped as well.
     """
     dq = np.empty(len(b))
     outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)

@@ -4,18 +4,20 @@ import math
 
 import numpy as np
 
+from redres_ros.types import Quaternion, Rotation, RotationVector
+
 _NO_TURN = np.eye(3)
 
 
-def rotation_vector(R: np.ndarray) -> np.ndarray:
-    """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
+def rotation_vector(R: Rotation) -> RotationVector:
+    """The logarithm of R: its axis times its angle, the angle at most pi."""
     from redres_ros.kernels.tick import rotation_error  # for which many need not wait
 
     return rotation_error(_NO_TURN, R)
 
 
-def rotation_matrix(vector: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) about a vector (3,) by its length [rad], by Rodrigues' formula."""
+def rotation_matrix(vector: RotationVector) -> Rotation:
+    """The rotation about a vector by its length, by Rodrigues' formula."""
     angle = math.sqrt(vector.dot(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -24,8 +26,8 @@ def rotation_matrix(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K.dot(K)
 
 
-def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) of a quaternion x, y, z, w of any length but zero."""
+def from_quaternion(quaternion: Quaternion) -> Rotation:
+    """The rotation of a quaternion of any length but zero."""
     x, y, z, w = (quaternion / math.hypot(*quaternion)).tolist()  # of 1e200 too
     return np.array(
         (
@@ -36,14 +38,14 @@ def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
     )
 
 
-def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), of (3,) [rad]: turns about the axes of the base."""
+def from_roll_pitch_yaw(angles: np.ndarray) -> Rotation:
+    """Rz(yaw) Ry(pitch) Rx(roll), of (3,) [rad]: turns about the axes of the base."""
     roll, pitch, yaw = (rotation_matrix(turn) for turn in np.diag(angles))
     return yaw.dot(pitch).dot(roll)
 
 
-def to_quaternion(R: np.ndarray) -> np.ndarray:
-    """The unit quaternion x, y, z, w (4,) of R (3, 3), w >= 0."""
+def to_quaternion(R: Rotation) -> Quaternion:
+    """The unit quaternion of R, w >= 0."""
     vector = rotation_vector(R)
     angle = math.sqrt(vector.dot(vector))
     ratio = math.sin(angle / 2.0) / angle if angle > 0.0 else 0.5

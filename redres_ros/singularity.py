@@ -1,5 +1,5 @@
 """Singularities of the first task: how the arm leaves one, and how it brakes before the end of its
-reach. (How it moves beside one is in resolution.py: lost directions are damped.)
+reach. How it moves beside one is in resolution.py: lost directions are damped.
 
 Leaving. In the stretched arm no joint velocity moves the tip along the arm: J dq = dx has no part
 in that direction u. But to second order a self-motion dq = z does: with H = sum_c u_c dJ_c/dq,

@@ -24,7 +24,7 @@ import numpy as np
 from redres_ros.kernels.active_set import hierarchical_qp
 from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
-from redres_ros.vectors import FLOAT64
+from redres_ros.types import FLOAT64
 
 # Rows that are given to the search at once, and those that are then added, or this part of all that
 # are exceeded: its time grows with the square of their number

@@ -20,9 +20,6 @@ class FloatingArm:
     def __init__(self, M: np.ndarray | None = None) -> None:
         self._M = np.eye(self.n) if M is None else M
 
-    def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        return RobotState(self, q, dq_prev)
-
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 

@@ -5,8 +5,8 @@ import pytest
 
 from redres_ros import Controller, RobotModel
 from redres_ros.kernels.closed_form import is_far
-from redres_ros.limits.boundary_braking import end_of_reach
 from redres_ros.robots import ARMS
+from redres_ros.singularity import end_of_reach
 
 MODEL = RobotModel.named('lwr4')
 NEAR = 0.02

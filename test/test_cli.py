@@ -80,7 +80,7 @@ def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_by_defau
         ('--prefer', 'posture=100', '--posture.target', '0,0,0,0,0,0,0'),
         ('--prefer', 'joint_centering', 'elbow_height=10'),
         ('--secondary', 'orientation'),
-        ('--secondary', 'orientation', 'joint', '--orientation.gain', '5'),
+        ('--secondary', 'orientation', 'joint', '--task_gain', '5'),
     ],
     ids=' '.join,
 )
@@ -152,8 +152,8 @@ REFUSED = [
     (('--secondary', 'dance'), "unknown task 'dance'; allowed: axis, "),
     (('--posture.gain', '1'), '--posture.gain acts on the preference posture; in use: '),
     (
-        ('--position.gain', '1', '--limits', 'position,acceleration'),
-        '--position.gain acts on the task position; in use: law minimum_acceleration, limit ',
+        ('--axis.axis', '1,0,0', '--limits', 'position,acceleration'),
+        '--axis.axis acts on the task axis; in use: law minimum_acceleration, limit ',
     ),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
@@ -528,7 +528,7 @@ def test_help_loads_no_compiled_formulas(command):
 
 
 @pytest.mark.parametrize('command', MOTIONS)
-@pytest.mark.parametrize('gain', ['--posture.gain', '--orientation.gain', '--position.margin'])
+@pytest.mark.parametrize('gain', ['--posture.gain', '--task_gain', '--position.margin'])
 def test_help_names_the_gains_of_preferences_tasks_and_limits(command, gain, capsys):
     assert f'{gain} X' in help_of(f'{command} --help-gains', capsys)
     assert gain not in help_of(command, capsys)

@@ -149,7 +149,7 @@ BAD: dict[str, Any] = {
     'damping': float('nan'),
     'limits': ['speed'],
     'limit_scale': 2.0,
-    'axis.frame': 'nose',
+    'secondary_tasks': ['axis@nose'],
     'rate': 10.0,
     'state_loss': -1.0,
     'frozen_joint': 9,

@@ -16,7 +16,6 @@ from redres_ros.laws import make_law
 from redres_ros.paper.second_order import make_scheme
 from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
-from redres_ros.robots import find_arm
 
 pytestmark = pytest.mark.slow
 
@@ -55,10 +54,10 @@ def wall_below(t: float, depth: np.ndarray) -> np.ndarray:
 
 
 class Arm:
-    """An FR3 that carries its own weight, and the force on its elbow."""
+    """An FR3, and the force on its elbow."""
 
     def __init__(self, push: float) -> None:
-        self.model = RobotModel(find_arm('fr3'), weight=False)
+        self.model = RobotModel.named('fr3')
         self.q0 = np.array(self.model.arm.start)
         start = self.model.state(self.q0, np.zeros(self.model.n))
         self.x0 = start.x

@@ -13,7 +13,6 @@ from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, 
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import law_name
 from redres_ros.parameter import parameters
-from redres_ros.resolution import project
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
@@ -431,9 +430,9 @@ def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):
         law = make_law(name)
         found = []
         for state in states[:30]:
-            motion = project(state.J, state.dq_prev, law.weight(state))
+            motion = resolve(state.J, np.zeros(6), state.dq_prev, law.weight(state))
             fast = state.with_velocity(1000.0 * motion / np.linalg.norm(motion))
-            going_on = project(fast.J, law.bias(fast, 0.002), law.weight(fast))
+            going_on = resolve(fast.J, np.zeros(6), law.bias(fast, 0.002), law.weight(fast))
             found.append(float(np.linalg.norm(going_on)) / 1000.0)
         return found
 
@@ -442,10 +441,10 @@ def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):
 
 
 @pytest.mark.parametrize('name', ['minimum_weighted_torque', 'minimum_torque'])
-def test_without_gravity_a_law_is_that_of_an_arm_that_carries_itself(name: str) -> None:
-    arm = RobotModel.named('fr3').arm
-    q = np.array(arm.start)
-    dq = np.linspace(-1.0, 1.0, 7)
-    carried = make_law(name).bias(RobotModel(arm, weight=False).state(q, dq), 0.002)
-    left_out = make_law(name, gravity=0.0).bias(RobotModel(arm).state(q, dq), 0.002)
-    assert left_out == pytest.approx(carried, abs=1e-12)
+def test_gravity_is_the_fraction_of_the_weight_that_moves_the_null_space(name: str) -> None:
+    model = RobotModel.named('fr3')
+    state = model.state(np.array(model.arm.start), np.zeros(7))  # n is the weight's alone
+    falls, half, carried = (make_law(name, gravity=each).bias(state, T) for each in (1.0, 0.5, 0.0))
+    assert np.abs(falls).max() > 1e-3
+    assert half == pytest.approx(falls / 2.0, abs=1e-15)
+    assert carried == pytest.approx(0.0, abs=1e-15)

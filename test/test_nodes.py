@@ -595,7 +595,7 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             {'limits': 'none'},
             {'limits': ['velocity', 'torque'], 'limit_scale': 0.5},
             {'preferences': 'posture, joint_centering', 'posture.gain': 2},
-            {'secondary_tasks': ['orientation'], 'orientation.gain': 5},
+            {'secondary_tasks': ['orientation'], 'task_gain': 5},
             {'max_linear': 1},
         ):
             set_parameters(probe, 'controller', values)
@@ -605,10 +605,9 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             ({'limits': ['none', 'position']}, ('none', 'expected names')),
             ({'limits': ['position', 'position']}, ('position', 'named twice')),
             ({'limit_scale': 2}, ('2', '1')),
-            ({'orientation.gain': -1.0}, ('-1', '0')),
-            ({'orientation.frame': 'knee'}, ('knee', 'link_4')),
-            ({'axis.frame': 'knee'}, ('knee', 'link_4')),  # though that task is not in use
-            ({'joint.joint': 'a8'}, ('a8', 'lwr_a1_joint')),
+            ({'task_gain': -1.0}, ('-1', '0')),
+            ({'secondary_tasks': ['orientation@knee']}, ('knee', 'link_4')),
+            ({'secondary_tasks': ['joint@a8']}, ('a8', 'lwr_a1_joint')),
         ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'controller', values)

@@ -121,7 +121,7 @@ def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
         if text is None:
             continue
         try:
-            gains[f'{name}.gain'] = float(text)
+            gains[f'{name.partition("@")[0]}.gain'] = float(text)
         except ValueError:
             raise OptionError(
                 f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
@@ -149,7 +149,7 @@ def _check_scales(options: argparse.Namespace, names: tuple[str, ...]) -> None:
 
 def _preferences(options: argparse.Namespace) -> dict[str, str | None]:
     """The text of each preference's gain by name; None: its default. Raises RepeatedNameError."""
-    from redres_ros.table import check_once
+    from redres_ros.parameter import check_once
 
     given = [text.partition('=') for text in options.prefer or ()]
     check_once('preference', (name for name, _, _ in given))
@@ -161,7 +161,7 @@ def _limit_names(options: argparse.Namespace) -> tuple[str, ...]:
     if options.limits == NONE:
         return ()
     from redres_ros.limits import LIMITS
-    from redres_ros.table import check_once
+    from redres_ros.parameter import check_once
 
     names = tuple(name.strip() for name in options.limits.split(','))
     if NONE in names:
@@ -182,8 +182,8 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
     """
     used = {('law', law) for law in laws}
     used |= {('limit', name) for name in _limit_names(options)}
-    used |= {('preference', name) for name in _preferences(options)}
-    return used | {('task', name) for name in options.secondary or ()}
+    used |= {('preference', name.partition('@')[0]) for name in _preferences(options)}
+    return used | {('task', name.partition('@')[0]) for name in options.secondary or ()}
 
 
 def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict[str, Any]:

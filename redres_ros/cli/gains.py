@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from redres_ros.cli.parser import NONE, OptionError
 
 if TYPE_CHECKING:
-    from redres_ros.table import Gain, Table
+    from redres_ros.parameter import Gain, Table
 
 
 def metavar(gain: 'Gain') -> str:
@@ -81,7 +81,8 @@ def check_gains(options: argparse.Namespace, in_use: set[tuple[str, str]]) -> No
     Raises:
         OptionError: There is such a gain.
     """
+    used_keys = {gain.key for gain in options.gains if (gain.kind, gain.owner) in in_use}
     for gain, _ in given_gains(options):
-        if (gain.kind, gain.owner) not in in_use:
+        if gain.key not in used_keys:
             used = ', '.join(sorted(' '.join(each) for each in in_use))
             raise OptionError(f'--{gain.key} acts on the {gain.kind} {gain.owner}; in use: {used}')

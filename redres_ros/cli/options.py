@@ -96,7 +96,6 @@ def _add_limits(group: Any, default: str) -> None:
 def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     """An option for every gain that is declared with `param` in the tables."""
     from redres_ros.cli.gains import find_tables, help_text, metavar, read_value
-    from redres_ros.table import SHARED_GAINS
 
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
     group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and exit')
@@ -104,9 +103,9 @@ def _add_gains(parser: Parser, words: Sequence[str]) -> None:
         return  # the first time, loading the tables compiles the formulas
     wanted = parser.get_default('limits') != NONE or any(map(_concerns_limits, words))
     declared = chain.from_iterable(table.gains() for table in find_tables(limits=wanted))
-    gains = tuple(gain for gain in declared if gain.name not in SHARED_GAINS)
+    gains = tuple(gain for gain in declared if gain.name != 'damping')
     parser.set_defaults(gains=gains)
-    for gain in gains:
+    for gain in {gain.key: gain for gain in gains}.values():
         shown = help_text(gain) if GAINS_HELP in words else argparse.SUPPRESS
         read = partial(read_value, gain)
         group.add_argument(f'--{gain.key}', type=read, metavar=metavar(gain), help=shown)

@@ -21,7 +21,7 @@ from redres_ros.nodes.topics import LATCHED, NEWEST
 from redres_ros.nodes.wire import deserialised
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import arm_from_urdf, choose_arm
-from redres_ros.vectors import finite_vector
+from redres_ros.types import finite_vector
 
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched

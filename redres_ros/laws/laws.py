@@ -1,4 +1,4 @@
-"""The six laws of the paper, each a weight W and a bias b of the same problem:
+"""The six laws of the paper, each a weight W and a bias b of the same problem.
 
     minimise 1/2 (dq - b)' W (dq - b)   subject to   J dq = dx           Eq. (A.13)
 
@@ -64,7 +64,7 @@ class Law(ABC):
 
 @dataclass(frozen=True)
 class MinimumVelocity(Law):
-    """Least joint velocity. It has no history, and damping has no effect."""
+    """Least joint velocity, Eq. (2) with dq_N = 0. It has no history: damping has no effect."""
 
     has_memory: ClassVar[bool] = False
 
@@ -82,7 +82,7 @@ class MinimumAcceleration(Law):
 
 @dataclass(frozen=True)
 class MinimumKineticEnergy(MinimumVelocity):
-    """Least kinetic energy 1/2 dq' M dq. It has no history, and damping has no effect."""
+    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M; no history either."""
 
     def weight(self, state: RobotState) -> Weight:
         return state.M

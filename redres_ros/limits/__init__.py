@@ -18,8 +18,8 @@ from redres_ros.limits.joint import (
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.workspace import WorkspaceLimit
+from redres_ros.parameter import Table, check_once
 from redres_ros.robot_model import RobotModel
-from redres_ros.table import Table, check_once
 
 LIMITS: Table[Limit] = Table(
     'limit',

@@ -16,6 +16,7 @@ from redres_ros.kernels.clearance import brake, braking_rows, damper_rows, farth
 from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
+from redres_ros.robot_model import RobotState
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.solver import Rows
@@ -149,7 +150,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
     def _load(self) -> None:
         """Read the URDF, and load compiled functions: now, and not in the loop."""
         zeros = np.zeros(self.model.n)
-        self.rows(self.model.unchecked_state(zeros, zeros), 1.0)
+        self.rows(RobotState(self.model, zeros, zeros), 1.0)
 
     @property
     @abstractmethod

@@ -23,7 +23,7 @@ from redres_ros.loop.session import RobotSession
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 from redres_ros.loop.velocity_input import VelocityInput
-from redres_ros.vectors import check_finite
+from redres_ros.types import check_finite
 
 _LITTLE = 0.05  # scaling factor below which a task hardly goes on
 _LONG = 1.0  # [s] after which that is reported

@@ -55,7 +55,7 @@ from redres_ros.nodes.wire import (
     to_nanoseconds,
 )
 from redres_ros.parameter import param
-from redres_ros.vectors import check_finite
+from redres_ros.types import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _REPEAT = 5.0  # [s] after which a warning is logged again

@@ -20,7 +20,7 @@ from redres_ros.loop.command_loop import Response
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.policy import Policy
-from redres_ros.vectors import check_finite
+from redres_ros.types import check_finite
 
 _NAME = 'snapshot'  # below the controller's own
 TOPIC = f'controller/{_NAME}'

@@ -12,11 +12,10 @@ from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
 from redres_ros.nodes.parameters import NONE, declare, declare_one, with_changes
-from redres_ros.parameter import Parameter, check_parameters, param
+from redres_ros.parameter import Parameter, check_once, check_parameters, param
 from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
-from redres_ros.table import SHARED_GAINS, check_once
 from redres_ros.tasks import TASKS
 
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
@@ -159,7 +158,7 @@ def _all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
         if key in seen or gain.default == ():
             continue
         seen.add(key)
-        upper = 1.0 / T if key in SHARED_GAINS else gain.parameter.upper  # Appendix B
+        upper = 1.0 / T if key == 'damping' else gain.parameter.upper  # Appendix B
         default = _NODES_OWN.get(key, gain.default)
         yield key, default, replace(gain.parameter, upper=upper, live=True)
 

@@ -26,8 +26,8 @@ from redres_ros.types import (
     JointVelocities,
     Seconds,
     TaskVelocity,
+    finite_vector,
 )
-from redres_ros.vectors import finite_vector
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ class Scheme(ABC):
     def preferred(self, state: RobotState) -> JointAccelerations:
         """ddq_N of Eq. (18): null-space damping -k_d dq, Eq. (21), and the preference."""
         ddq_N = -self.damping * state.dq_prev
-        return ddq_N if self.preference is None else ddq_N + self.preference.acceleration(state)
+        if self.preference is None:
+            return ddq_N
+        return ddq_N + self.preference.acceleration_in(state, self.metric(state))
 
 
 @dataclass(frozen=True)

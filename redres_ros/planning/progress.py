@@ -5,7 +5,7 @@ import numpy as np
 from redres_ros.kernels.closed_form import is_far
 from redres_ros.laws import make_law
 from redres_ros.policy import Policy
-from redres_ros.robot_model import RobotModel
+from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import make_task
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
@@ -139,7 +139,7 @@ class UnachievedVelocity:
             x: Position of the tip, (3,) [m].
             asked: Task velocity, (m,) [m/s], [rad/s].
         """
-        state = self._model.unchecked_state(q, np.zeros(self._model.n))
+        state = RobotState(self._model, q, np.zeros(len(q)))
         rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
         if rests and not is_far(state.J[:3], self._end_of_reach):
             return asked

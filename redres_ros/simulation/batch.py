@@ -14,7 +14,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, UnknownNameError
 from redres_ros.files.plugins import load_plugins
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import as_tuple, check_parameters, param
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, choose_arm
@@ -23,7 +23,6 @@ from redres_ros.simulation.effort import Effort
 from redres_ros.simulation.parallel import processes
 from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
 from redres_ros.simulation.recording import Recording
-from redres_ros.table import as_tuple
 
 _CLOSED = 1e-9  # [m] between the ends of a path that closes
 _LISTS = ('limits', 'preferences', 'secondary_tasks', 'plugins')

@@ -13,6 +13,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import ArrayError
 from redres_ros.laws import Law, law_name, make_law
 from redres_ros.limits import Limit
+from redres_ros.parameter import as_tuple
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
@@ -21,7 +22,6 @@ from redres_ros.simulation.drawing import NORMS, in_symbols, legend_below, save,
 from redres_ros.simulation.effort import Effort, acceleration_usage, velocity_usage
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import PEAKS, table
-from redres_ros.table import as_tuple
 
 _WIDTH = 160  # columns of a table
 

@@ -11,9 +11,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.rotation import from_quaternion, rotation_error, rotation_matrix, to_quaternion
+from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
 from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from redres_ros.paper.runs import Runs
-from redres_ros.resolution import project, resolve
+from redres_ros.resolution import resolve
 
 _LINE = '0.25'
 _ARROW: dict[str, Any] = {
@@ -101,7 +101,7 @@ def figure_2(runs: Runs) -> Figure:
     """Solution (2): the velocity on the task's line that is nearest to dq_N."""
     minimum = resolve(_J, _DX, np.zeros(2))
     dq = resolve(_J, _DX, _DQ_N)
-    null = project(_J, _DQ_N)
+    null = resolve(_J, np.zeros(len(_J)), _DQ_N)
     figure = Figure(figsize=(8.4, 7.0), layout='constrained')
     ax = figure.add_subplot()
     _draw_line(ax, minimum, r'task: $J\dot q=\dot x$', color='black', lw=1.8)
