@@ -78,7 +78,7 @@ class Arm:
     def tick(self) -> None:
         """One cycle: a state, its response, and the velocity that acts in the next cycle."""
         self.stamp += round(T * NANOSECONDS)
-        response = self.loop.enter_state(self.stamp, self.q, self.now)
+        response = self.loop.step(self.stamp, self.q, self.now)
         x, R = self.model.tip(self.q)
         self.executor.set_mode(self.loop.mode.value)
         if response is not None:
@@ -145,7 +145,7 @@ def run_again(robot: str, law: str) -> Outcome:
         min(durations),
         max(durations),
         drift,
-        arm.loop.gate.count,
+        arm.loop.safety_filter.count,
     )
 
 

@@ -12,6 +12,7 @@ from make_numbers import markdown, write
 from redres_ros import Controller, RobotModel
 from redres_ros.limits import make_limits
 from redres_ros.limits.clearance import CollisionLimit
+from redres_ros.robot_interface import Published
 from redres_ros.robots.joint_limits import JointLimits
 
 PAGE = Path(__file__).with_name('limits.md')
@@ -71,8 +72,8 @@ def measured(
             limit_scale=limit_scale,
             torque_scale=torque_scale,
         )
-        controller.place(q)
-        controller.correct(q, dq)
+        controller.hold_at(q)
+        controller.go_on_from(Published(q, dq, np.zeros(len(q)), dq))
         found.append(motion(controller, q, dq, excess))
     ticks = np.array(found)
     at_once = ticks[:, 0] > ROUNDING

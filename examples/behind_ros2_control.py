@@ -7,7 +7,7 @@ numbers without a stamp. The arm is ideal. Start it with:
 
 and beside it, with the same rate:
 
-    redres_controller --ros-args -p forward_commands:=true -p bridging:=hold -p rate:=100.0
+    redres_controller --ros-args -p robot_interface:=ros2_control -p rate:=100.0
     redres_planner --ros-args -p autostart:=true -p rate:=100.0
 """
 

@@ -1,11 +1,42 @@
-"""The kinds of robot interface: what such a robot does without a command, and where commands go.
+"""The kinds of robot interface, and where a robot is in cycles without a command.
 
 What follows from the kind of robot is stated here once, instead of being set for each robot.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from redres_ros.types import Cycles, Radians
+import numpy as np
+
+from redres_ros.robot_model import RobotModel
+from redres_ros.types import (
+    Cycles,
+    JointAccelerations,
+    JointPositions,
+    JointVelocities,
+    Radians,
+    Seconds,
+)
+
+
+class Published(NamedTuple):
+    """The last reference, from which the robot and the next reference continue.
+
+    Attributes:
+        command: The velocity that was commanded; another one than dq, that of the reference, only
+            if references are integrated from measurements.
+    """
+
+    q: JointPositions
+    dq: JointVelocities
+    ddq: JointAccelerations
+    command: JointVelocities
+
+    @classmethod
+    def at_rest(cls, q: JointPositions) -> 'Published':
+        """A reference without velocity."""
+        zeros = np.zeros(len(q))
+        return cls(q, zeros, zeros, zeros)
 
 
 @dataclass(frozen=True)
@@ -13,22 +44,50 @@ class RobotInterface:
     """What a kind of robot does.
 
     Attributes:
-        bridging: What it does in a cycle without a command: 'extrapolate' the last ones at constant
-            velocity, 'extrapolate_acceleration', or 'hold' the last one.
+        bridging: What it does in a cycle without a command: 'hold' the last one, or continue at
+            constant 'velocity' or 'acceleration'.
         restart_after: Cycles without a state after which the controller restarts from the measured
             position.
         following_tolerance: Following error at which an arm counts as stopped.
+        patience: How long its clock waits for a late command.
         forwards_commands: Commands also go to forward_position_controller/commands.
     """
 
     bridging: str
     restart_after: Cycles = 5
     following_tolerance: Radians = 0.1
+    patience: Seconds = 0.0
     forwards_commands: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot stays at its last command."""
+        return self.bridging == 'hold'
+
+    def bridged(
+        self, published: Published, missed: Cycles, model: RobotModel, T: Seconds
+    ) -> Published:
+        """Where the robot is, `missed` cycles after the last reference, as if that was published.
+
+        One that extrapolates stops at the ends of its range.
+        """
+        q, dq, ddq, command = published
+        if not missed:
+            return published
+        zeros = np.zeros(len(q))
+        if self.holds:
+            return Published(q, zeros, zeros, command)
+        if self.bridging == 'velocity' or not dq.any():
+            ddq = zeros
+        ahead = q + T * missed * (dq + T * (missed + 1) / 2.0 * ddq)
+        stopped = np.clip(ahead, np.minimum(model.q_min, q), np.maximum(model.q_max, q))
+        dq_ahead = np.where(stopped == ahead, dq + T * missed * ddq, 0.0)
+        return Published(stopped, dq_ahead, ddq, command)
 
 
 ROBOT_INTERFACES: dict[str, RobotInterface] = {
-    'fri': RobotInterface('extrapolate'),
-    'fci': RobotInterface('extrapolate_acceleration', restart_after=19),
+    'fri': RobotInterface('velocity'),
+    'fci': RobotInterface('acceleration', restart_after=19),
     'ros2_control': RobotInterface('hold', forwards_commands=True),
+    'sim': RobotInterface('velocity', patience=5.0),  # the node sim, whose clock waits
 }

@@ -315,7 +315,7 @@ class Observer(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for value in message.status[0].values:
-            if value.key == 'references changed by the gate':
+            if value.key == 'references changed by the safety filter':
                 self.gate_counts.append(int(value.value))
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ from redres_ros.loop.faults import LeapError
 from redres_ros.loop.measurements import MeasurementAgeError
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings
-from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.loop.velocity_input import TwistAgeError, TwistSpeedError
+from redres_ros.robot_interface import RobotInterface
 from redres_ros.robots import find_arm
 
 T = 0.002  # [s]
@@ -26,9 +27,17 @@ START = load_task('rectangle').start
 GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
 
 
-def make_controller(switch_time: float = 0.1) -> Controller:
-    model = RobotModel.named('lwr4_paper')
-    return Controller(model, make_law('minimum_acceleration'), T, switch_time=switch_time)
+Interface = str | RobotInterface
+
+
+def make_controller(switch_time: float = 0.1, interface: Interface = 'fri') -> Controller:
+    return Controller(
+        RobotModel.named('lwr4_paper'),
+        make_law('minimum_acceleration'),
+        T,
+        switch_time=switch_time,
+        robot_interface=interface,
+    )
 
 
 def velocity(cycle: int) -> np.ndarray:
@@ -60,7 +69,7 @@ class Robot:
         """The response to the next state."""
         self.cycle += 1
         at = self.stamp if stamp is None else stamp
-        return self.take(self.following.enter_state(at, self.q, self.now))
+        return self.take(self.following.step(at, self.q, self.now))
 
     def steer(self, dx: np.ndarray, stamp: int | None = None) -> Response | None:
         """Give a task velocity, of the newest state by default."""
@@ -81,24 +90,25 @@ class Robot:
             self.steer(source(self.cycle))
 
 
-def make(switch_time: float = 0.1, lag: int = 1, **settings: float) -> Robot:
-    return Robot(
-        CommandLoop(
-            make_controller(switch_time),
-            LoopSettings(**settings),
-            TwistBufferSettings(twist_lag=lag),
-        )
+def make(switch_time: float = 0.1, interface: Interface = 'fri', **settings: Any) -> Robot:
+    controller = Controller(
+        RobotModel.named('lwr4_paper'),
+        make_law('minimum_acceleration', damping=10.0),
+        T,
+        switch_time=switch_time,
+        robot_interface=interface,
     )
+    return Robot(CommandLoop(controller, LoopSettings(**settings)))
 
 
-def at_speed(**settings: float) -> Robot:
+def at_speed(**settings: Any) -> Robot:
     """A robot under way, with nothing waiting."""
     robot = make(switch_time=0.0, **settings)
     robot.follow(500)
     return robot
 
 
-def limited(switch_time: float = 0.1, **settings: float) -> Robot:
+def limited(switch_time: float = 0.1, interface: Interface = 'fri') -> Robot:
     """A robot whose controller has limits on."""
     controller = Controller(
         RobotModel.named('lwr4_paper'),
@@ -106,8 +116,9 @@ def limited(switch_time: float = 0.1, **settings: float) -> Robot:
         T,
         switch_time=switch_time,
         limits=('position', 'velocity', 'acceleration'),
+        robot_interface=interface,
     )
-    return Robot(CommandLoop(controller, LoopSettings(**settings)))
+    return Robot(CommandLoop(controller))
 
 
 def assert_gentle(robot: Robot) -> None:
@@ -134,7 +145,7 @@ def speed(response: Response | None) -> float:
 
 @pytest.mark.parametrize('lag', [1, 2, 5])
 def test_the_loop_is_that_of_the_controller_with_task_velocities_some_cycles_late(lag: int) -> None:
-    robot = make(lag=lag)
+    robot = make(twist_lag=lag)
     robot.follow(800)
     controller = make_controller()
     q = START
@@ -155,7 +166,7 @@ def test_in_lock_step_each_state_is_commanded_with_its_own_task_velocity() -> No
     q = START
     for cycle in range(1, 500):
         assert robot.ask() is None
-        assert robot.take(robot.following.enter_state(robot.stamp, robot.q, robot.now)) is None
+        assert robot.take(robot.following.step(robot.stamp, robot.q, robot.now)) is None
         robot.steer(velocity(cycle))
         q = controller.update(q, velocity(cycle)).q_ref
         np.testing.assert_array_equal(q, robot.q)
@@ -179,11 +190,11 @@ def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -
     np.testing.assert_array_equal(robot.references, perfect.references)
 
 
-@pytest.mark.parametrize(('bridging', 'cycles'), [('extrapolate', 3.0), ('hold', 0.0)])
+@pytest.mark.parametrize(('interface', 'cycles'), [('fri', 3.0), ('ros2_control', 0.0)])
 def test_after_missed_cycles_the_reference_goes_on_from_where_the_robot_is(
-    bridging: str, cycles: float
+    interface: str, cycles: float
 ) -> None:
-    robot = at_speed(bridging=bridging)
+    robot = at_speed(interface=interface)
     before, last = robot.references[-2:]
     robot.cycle += 3
     response = robot.ask()
@@ -205,7 +216,7 @@ def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
         for _ in range(1500):
             reported = wrapped(robot.q) if wraps else robot.q
             robot.cycle += 1
-            robot.take(following.enter_state(robot.stamp, reported, robot.now))
+            robot.take(following.step(robot.stamp, reported, robot.now))
             spin[3:] = 0.5 * model.tip(robot.q)[1][:, 2]  # about the last joint's axis
             robot.steer(spin)
         references.append(robot.references)
@@ -244,7 +255,7 @@ def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
         else:
             robot.steer(np.array((0.0, 0.4, 0.3)), stamp=0)
     assert_gentle(robot)
-    assert following.gate.count == 0
+    assert following.safety_filter.count == 0
     assert following.error == ''
 
 
@@ -265,7 +276,7 @@ def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(word: str) ->
     robot.ask()
     before = robot.q
     with pytest.raises(ArrayError, match='must be finite'):
-        robot.following.enter_state(robot.stamp + NS, np.full(7, np.nan), robot.now + T)
+        robot.following.step(robot.stamp + NS, np.full(7, np.nan), robot.now + T)
     robot.ask()
     assert (robot.q == before).all()
 
@@ -273,16 +284,16 @@ def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(word: str) ->
 def test_the_same_state_again_gets_the_same_response_and_another_one_with_its_stamp_none() -> None:
     robot = at_speed()
     response = robot.ask()
-    assert robot.following.enter_state(robot.stamp, robot.following.q, robot.now) is response
+    assert robot.following.step(robot.stamp, robot.following.q, robot.now) is response
     with pytest.raises(ClockError, match='other positions'):
-        robot.following.enter_state(robot.stamp, START + 0.1, robot.now)
+        robot.following.step(robot.stamp, START + 0.1, robot.now)
 
 
 def test_a_state_out_of_order_leaves_the_motion_as_it_is() -> None:
     robot = at_speed()
     other = at_speed()
     with pytest.raises(ClockError):
-        robot.following.enter_state(robot.stamp - NS, robot.q, robot.now)
+        robot.following.step(robot.stamp - NS, robot.q, robot.now)
     robot.follow(50)
     other.follow(50)
     np.testing.assert_array_equal(robot.references, other.references)
@@ -299,7 +310,7 @@ def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
 
 
 def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_it_sags() -> None:
-    robot = at_speed(bridging='hold')
+    robot = at_speed(interface='ros2_control')
     reference = robot.q
     robot.cycle += 50
     robot.q = reference - 0.01  # [rad] more than any joint may move in a cycle
@@ -310,11 +321,11 @@ def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_
     assert speed(response) < 0.05  # and at rest
 
 
-@pytest.mark.parametrize(('bridging', 'held'), [('hold', False), ('extrapolate', True)])
+@pytest.mark.parametrize(('interface', 'held'), [('ros2_control', False), ('fri', True)])
 def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
-    bridging: str, held: bool
+    interface: str, held: bool
 ) -> None:
-    robot = at_speed(bridging=bridging)
+    robot = at_speed(interface=interface)
     robot.following.hold(held)
     robot.follow(300 if held else 1)
     reference = robot.q
@@ -330,7 +341,7 @@ def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
     before_the_gap: int,
 ) -> None:
     longest = 20  # cycles
-    robot = limited(restart_after=longest)
+    robot = limited(interface=RobotInterface('velocity', restart_after=longest))
     model = RobotModel.named('lwr4_paper')
     to_the_ends = np.sign(START) * model.dq_max
     for cycle in range(before_the_gap + 400):
@@ -343,12 +354,12 @@ def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
                 robot.following.enter_joint_velocity(0, to_the_ends, robot.now)
         assert (robot.q <= model.q_max).all()
         assert (robot.q >= model.q_min).all()
-    assert robot.following.gate.count == 0
+    assert robot.following.safety_filter.count == 0
     assert robot.following.error == ''
 
 
 def test_of_two_responses_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
-    robot = at_speed(bridging='hold')
+    robot = at_speed(interface='ros2_control')
     before = robot.q
     robot.ask()
     # That response was held up, and the robot had published its next state by then.
@@ -358,9 +369,9 @@ def test_of_two_responses_in_one_cycle_of_a_robot_that_holds_the_first_does_not_
     np.testing.assert_allclose(response.command.q_ref, before + T * response.command.dq, atol=1e-15)
 
 
-@pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
-def test_responses_in_time_count_each_on_its_own(bridging: str) -> None:
-    robot = at_speed(bridging=bridging)
+@pytest.mark.parametrize('interface', ['ros2_control', 'fri'])
+def test_responses_in_time_count_each_on_its_own(interface: str) -> None:
+    robot = at_speed(interface=interface)
     robot.ask()
     before = robot.q
     robot.following.note_sent(robot.now + 0.5 * T)
@@ -430,7 +441,7 @@ def test_a_robot_that_executes_nothing_is_noticed_within_50_ms_and_then_mirrored
 
 def test_an_arm_that_does_not_follow_never_gets_far_from_its_commands() -> None:
     tolerance = 0.01  # [rad]
-    robot = make(switch_time=0.02, following_tolerance=tolerance)
+    robot = make(0.02, RobotInterface('velocity', following_tolerance=tolerance))
     gaps = []
     for _ in range(150):
         robot.q = START  # somebody has stopped it without a word
@@ -450,7 +461,7 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     robot.follow(300)
     moving = robot.q
     stamp = robot.stamp + jump * 10**9
-    response = robot.following.enter_state(stamp, moving, robot.now + 0.6)
+    response = robot.following.step(stamp, moving, robot.now + 0.6)
     assert response is not None
     # At most the first share of a blend from standing still.
     np.testing.assert_allclose(response.command.q_ref, moving, rtol=0.0, atol=1e-6)
@@ -471,7 +482,7 @@ def test_a_controller_activated_while_the_robot_waits_responds_to_the_state_it_r
     robot.following.deactivate()
     assert robot.ask() is None
     robot.following.activate()
-    response = robot.following.enter_state(robot.stamp, robot.q, robot.now)
+    response = robot.following.step(robot.stamp, robot.q, robot.now)
     assert response is not None
     np.testing.assert_array_equal(response.command.q_ref, robot.q)
 
@@ -485,7 +496,7 @@ def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None
     q = np.array(model.arm.start) + 0.3 * np.random.default_rng(1).normal(size=model.n)
     for cycle in range(1, 800):
         stamp = EPOCH + cycle * round(1e9 * period)
-        response = loop.enter_state(stamp, q, cycle * period)
+        response = loop.step(stamp, q, cycle * period)
         assert response is not None
         q = response.command.q_ref
         dx = np.array((0.0, 0.05 if cycle < 50 else 0.0, 0.0))  # [m/s]
@@ -580,7 +591,7 @@ def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clo
         robot.steer(GENTLE, 0)
     assert speed(robot.ask()) > 0.0
     robot.cycle += 1
-    response = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    response = robot.following.step(robot.stamp, robot.q, robot.now + 3.0)
     assert speed(response) == 0.0
     assert response is not None and response.scaling == 0.0
 
@@ -588,7 +599,7 @@ def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clo
 def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands() -> None:
     robot = at_speed()
     robot.cycle += 1
-    response = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    response = robot.following.step(robot.stamp, robot.q, robot.now + 3.0)
     assert response is not None and response.scaling == 1.0
 
 
@@ -597,12 +608,12 @@ def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands()
 
 def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() -> None:
     perfect = at_speed()
-    robot = at_speed(twist_patience=1.0)
+    robot = at_speed(interface=RobotInterface('velocity', patience=1.0))
     random = np.random.default_rng(4)
     for _ in range(100):
         robot.ask()  # commanded, as the one of the last state has come
         robot.cycle += 1  # of this state none has come when the next one does
-        late = robot.following.enter_state(robot.stamp, robot.q, robot.now)
+        late = robot.following.step(robot.stamp, robot.q, robot.now)
         if late is None:
             robot.take(robot.following.respond_if_due(robot.now + random.uniform(0.0, 0.9)))
             robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
@@ -614,10 +625,10 @@ def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() 
 
 
 def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again() -> None:
-    robot = at_speed(twist_patience=1.0)
+    robot = at_speed(interface=RobotInterface('velocity', patience=1.0))
     assert robot.ask() is not None
     robot.cycle += 1
-    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+    assert robot.following.step(robot.stamp, robot.q, robot.now) is None
     assert robot.following.respond_if_due(robot.now + 0.9) is None
     assert robot.take(robot.following.respond_if_due(robot.now + 1.1)) is not None
     for _ in range(100):
@@ -625,11 +636,11 @@ def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again()
     robot.steer(velocity(0))
     assert robot.ask() is not None
     robot.cycle += 1
-    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+    assert robot.following.step(robot.stamp, robot.q, robot.now) is None
 
 
 def test_a_robot_that_goes_on_without_the_response_is_not_kept_waiting() -> None:
-    robot = at_speed(twist_patience=1.0)
+    robot = at_speed(interface=RobotInterface('velocity', patience=1.0))
     robot.ask()
     assert robot.ask() is None
     assert robot.ask() is not None

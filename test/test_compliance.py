@@ -107,7 +107,7 @@ class TorqueLoop:
             if torques is not None:
                 self.loop.measurements.enter('external_torques', 0, torques)
             stamp = EPOCH + round(self.tick * T * 1e9)
-            response = self.loop.enter_state(stamp, self.q, self.tick * T)
+            response = self.loop.step(stamp, self.q, self.tick * T)
             assert response is not None
             self.q = response.command.q_ref
             references.append(self.q)
@@ -130,7 +130,7 @@ def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     # it holds once it is slower than 1e-4 rad/s, with posture and damping 2.5e-4 rad away
     assert arm.q == pytest.approx(start, abs=1e-3)
     assert arm.model.tip(arm.q)[0] == pytest.approx(x0, abs=1e-4)
-    assert arm.loop.gate.count == 0
+    assert arm.loop.safety_filter.count == 0
 
 
 def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command() -> None:
@@ -141,7 +141,7 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     assert 'expected 7 values' in arm.loop.error
     before = arm.q
     assert (arm.run(0.2, np.zeros(3)) == before).all()
-    assert arm.loop.gate.count == 0
+    assert arm.loop.safety_filter.count == 0
 
 
 def test_torques_that_are_no_longer_measured_move_nothing() -> None:

@@ -72,7 +72,7 @@ def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
             run.run(0.02)
         pressed = force(run, 2.0)
         x, _ = MODEL.tip(run.nodes['sim']._plant.q)
-        gate = run.nodes['controller']._loop.gate
+        gate = run.nodes['controller']._loop.safety_filter
     # with friction 0.3 the whole force is sqrt(1 + 0.3^2) times that along the normal
     assert np.sqrt(np.mean((pressed / np.sqrt(1.09) - FORCE) ** 2)) < 0.5
     assert (x - X0)[1] == pytest.approx(0.1, abs=0.01)
@@ -176,7 +176,7 @@ def test_no_fault_of_the_sensor_presses_harder_or_makes_a_jump(fault: Fault, wor
         assert any(words in line for line in said)
         assert words in health or loop.error == ''
         assert force(run, 1.5).max() < 25.0
-        assert loop.gate.count == 0
+        assert loop.safety_filter.count == 0
         run.graph.faults.clear()
         run.graph.call('controller/hold', data=False)
         run.run(2.0)

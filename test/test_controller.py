@@ -24,6 +24,7 @@ from redres_ros import (
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.interpolation import quintic
 from redres_ros.policy import Policy
+from redres_ros.robot_interface import Published
 
 T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]
@@ -390,7 +391,7 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))
-    controller.correct(np.zeros(7), np.ones(7))
+    controller.go_on_from(Published(np.zeros(7), np.ones(7), np.zeros(7), np.ones(7)))
     controller.switch_time = 0.5  # underway at 1 rad/s
     controller.switch_law(make_law('minimum_velocity'))
     for k in range(1, round(0.5 / period)):
@@ -536,7 +537,6 @@ def test_the_start_ends_in_the_law(model, task):
 def test_hold_comes_to_a_standstill_within_the_switch_time(underway):
     drive = underway('minimum_acceleration', 4.5)
     drive.controller.hold()
-    assert not drive.controller.moving
     drive.run(SWITCH_TIME)
     standing = drive.q
     for command in drive.run(0.1):
@@ -563,7 +563,6 @@ def test_resume_goes_on_without_a_jump_and_ends_in_the_law(underway):
     drive.controller.hold()
     drive.run(1.2 * SWITCH_TIME)
     drive.controller.resume()
-    assert drive.controller.moving
     first, *_ = drive.run(SWITCH_TIME)
     assert np.linalg.norm(first.dq) < 1e-4
     command, dx = drive.step()
@@ -623,8 +622,8 @@ def test_prepared_or_not_commands_are_the_same_whatever_changes_meanwhile(model,
     changes = [
         lambda c: c.set_scaling('components'),
         lambda c: c.set_limits(LIMITS, limit_scale=0.05),
-        lambda c: c.correct(c.reference + 1e-6, c.dq),
-        lambda c: c.place(c.reference),
+        lambda c: c.go_on_from(c.published._replace(q=c.reference + 1e-6)),
+        lambda c: c.hold_at(c.reference),
         lambda c: c.hold(),
         lambda c: c.resume(),
         lambda c: setattr(c, 'gap', 3),

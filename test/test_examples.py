@@ -168,7 +168,7 @@ def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(
 
     parameters = {'rate': 100.0, 'robot': 'lwr4_paper'}
     own = {
-        'controller': {'forward_commands': True, 'bridging': 'hold'},
+        'controller': {'robot_interface': 'ros2_control'},
         'planner': {'autostart': True},
     }
     with own_domain():

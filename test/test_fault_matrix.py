@@ -303,7 +303,7 @@ def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) ->
     with table_below(RATE) as run:
         assert run.set('controller', **ON)
         run.run(1.5)
-        gate = run.nodes['controller']._loop.gate
+        gate = run.nodes['controller']._loop.safety_filter
         assert force(run, 0.1) == pytest.approx(FORCE, abs=1.0)
         assert run.set('controller', **case.controller)
         assert run.set('sim', **case.sim)
@@ -423,4 +423,4 @@ def test_without_a_fault_the_gate_never_acts(situation: Situation) -> None:
     with in_a_situation(situation) as (run, judge):
         run.run(2.0)
         judge.assert_followable()
-        assert run.nodes['controller']._loop.gate.count == 0
+        assert run.nodes['controller']._loop.safety_filter.count == 0

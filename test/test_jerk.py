@@ -182,7 +182,7 @@ def test_a_stop_ends_at_rest():
     controller.hold()
     for _ in range(300):
         q = controller.update(q, np.zeros(3)).q_ref
-    assert controller.at_rest
+    assert not controller.published.dq.any()
 
 
 @pytest.mark.parametrize('lost', [1, 2, 3])
@@ -220,9 +220,7 @@ def test_a_robot_that_goes_on_at_its_acceleration_is_met_where_it_is():
     """In cycles without a state, and so without a command, of which the controller knows."""
     T, A, J = 0.001, 10.0, 5000.0
     model = RobotModel.named('fr3')
-    controller = Controller(
-        model, 'minimum_velocity', T, limits=ALL, bridging='extrapolate_acceleration'
-    )
+    controller = Controller(model, 'minimum_velocity', T, limits=ALL, robot_interface='fci')
     random = np.random.default_rng(0)
     q = np.array(model.arm.start)
     p, v, a = q, np.zeros(7), np.zeros(7)  # of the robot

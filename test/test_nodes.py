@@ -218,7 +218,7 @@ def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
         q = START
         for _ in range(20):
             q_ref, dq = probe.ask(q)
-            response = following.enter_state(probe.stamp, q, 0.0)
+            response = following.step(probe.stamp, q, 0.0)
             assert response is not None
             np.testing.assert_array_equal(q_ref, response.command.q_ref)
             np.testing.assert_array_equal(dq, response.command.dq)
@@ -250,7 +250,7 @@ def test_in_lock_step_it_does_not_matter_whether_the_session_is_reported_before_
             probe.send(state)
             probe.steer(DX)
             q_ref, _ = probe.response_to(state)
-            assert following.enter_state(probe.stamp, START, 0.0) is None
+            assert following.step(probe.stamp, START, 0.0) is None
             response = following.enter_twist(probe.stamp, DX, 0.0)
             assert response is not None
             np.testing.assert_array_equal(q_ref, response.command.q_ref)

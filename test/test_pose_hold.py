@@ -47,7 +47,7 @@ class Arm:
         for _ in range(round(seconds / T)):
             self.cycle += 1
             stamp = EPOCH + self.cycle * NS
-            response = self.loop.enter_state(stamp, self.q, self.cycle * T)
+            response = self.loop.step(stamp, self.q, self.cycle * T)
             if response is not None:
                 self.q = response.command.q_ref
                 references.append(self.q)

@@ -48,8 +48,7 @@ CONTROLLER = {
     'robot': 'lwr4',
     'tip_frame': '',
     'base_frame': '',
-    'forward_commands': False,
-    'bridging': 'extrapolate',
+    'robot_interface': 'fri',
     'limits': ['position', 'velocity', 'acceleration'],
     'limit_scale': 0.2,
 }
@@ -107,7 +106,7 @@ def test_a_finding_names_its_subject_on_a_line() -> None:
 
 BEHIND = replace(
     GOOD,
-    controller=parameters_with(forward_commands=True, bridging='hold'),
+    controller=parameters_with(robot_interface='ros2_control'),
     subscribers={FORWARD: ('/forward_position_controller',)},
     publishers={STATES: ('/robot',), FORWARD: ('/controller',), TWISTS: ('/planner',)},
     forward_joints=NAMES,
@@ -170,13 +169,9 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
         replace(GOOD, controller=parameters_with(limits=['position'])),
         ('controller', 'limits velocity, acceleration are not in force'),
     ),
-    'leaps': (
-        replace(GOOD, controller=parameters_with(forward_commands=True)),
-        ('commands', 'set bridging to hold'),
-    ),
-    'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs forward_commands')),
+    'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs robot_interface')),
     'nobody listens behind ros2_control': (
-        replace(GOOD, controller=parameters_with(forward_commands=True)),
+        replace(GOOD, controller=parameters_with(robot_interface='ros2_control')),
         ('commands', f'{FORWARD} has no subscriber; is that controller loaded'),
     ),
     'an inactive forwarding controller': (

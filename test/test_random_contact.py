@@ -20,7 +20,6 @@ from test_random_pairs import DISTURBANCES, World
 from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.loop.settings import LoopSettings
 from redres_ros.preferences import Compliance, Posture
 
 pytestmark = pytest.mark.slow
@@ -44,10 +43,9 @@ class ContactWorld(World):
         self.model = self.controller.model
         self.settings = AdmittanceSettings.of_rows(self.controller.m)
         self.contact = ContactControl(self.settings, self.T, switch_time=0.2)
-        self.controller.set_preferences((Compliance(), Posture()))
-        self.loop = CommandLoop(
-            self.controller, LoopSettings(bridging=self.bridging), contact=self.contact
-        )
+        preferences = Compliance(), Posture()
+        self.controller.set_policy(replace(self.controller.policy, preferences=preferences))
+        self.loop = CommandLoop(self.controller, contact=self.contact)
         self.stiffness = 10.0 ** chance.uniform(2.0, 5.0)  # [N/m]
         self.height = self.model.tip(self.robot.q)[0][2] - 0.005  # [m] of the table
         self.step_of_force = np.zeros(6)
@@ -160,7 +158,7 @@ def test_no_wrench_and_no_change_in_contact_leaves_a_limit_or_makes_the_gate_act
         happen(world, str(world.chance.choice(tuple(CONTACTS))))
     world.judge.assert_followable()
     assert 'moving' in world.judge.modes
-    assert world.loop.gate.count == 0
+    assert world.loop.safety_filter.count == 0
 
 
 @pytest.mark.nightly

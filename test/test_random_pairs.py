@@ -22,7 +22,6 @@ from reference_judge import ReferenceJudge
 from redres_ros import LAWS, Controller, RobotModel
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.loop.settings import LoopSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -109,7 +108,8 @@ class World:
         chance = self.chance
         arm = find_arm(ARMS[seed % len(ARMS)])
         self.T = 1.0 / RATES[int(chance.integers(len(RATES)))]
-        self.bridging = ('hold', 'extrapolate')[int(chance.integers(2))]
+        self.interface = ('ros2_control', 'fri')[int(chance.integers(2))]
+        bridging = ('hold', 'extrapolate')[self.interface == 'fri']
         model = RobotModel(arm)
         self.controller = Controller(
             model,
@@ -117,12 +117,12 @@ class World:
             self.T,
             switch_time=0.2,
             limits=LIMIT_SETS[0],
+            robot_interface=self.interface,
         )
-        settings = LoopSettings(bridging=self.bridging)
-        self.loop = CommandLoop(self.controller, settings)
+        self.loop = CommandLoop(self.controller)
         limits = JointLimits.of(arm)
-        self.robot = Robot(np.array(arm.start), limits, self.bridging == 'hold')
-        self.judge = ReferenceJudge(limits, self.T, self.bridging)
+        self.robot = Robot(np.array(arm.start), limits, bridging == 'hold')
+        self.judge = ReferenceJudge(limits, self.T, bridging)
         self.disturbances: dict[str, int] = {}  # until which tick
         self.tick = 0
         self._period = round(1e9 * self.T)
@@ -169,7 +169,7 @@ class World:
         self.judge.enter_state(stamp, q)
         response = None
         with suppress(RedresError):  # a state that is refused has no response
-            response = self.loop.enter_state(stamp, q, self._now())
+            response = self.loop.step(stamp, q, self._now())
         self._note_mode()
         if response is None:
             return
@@ -305,5 +305,5 @@ def test_undisturbed_the_gate_never_acts(seed: int) -> None:
     world.run(TICKS // WORLDS)
     world.judge.assert_followable()
     assert 'moving' in world.judge.modes
-    assert world.loop.gate.count == 0
+    assert world.loop.safety_filter.count == 0
     assert world.loop.error == ''

@@ -169,18 +169,6 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
     assert 0.0 < steps <= fastest / rate_of(name) + 1e-9
 
 
-@pytest.mark.parametrize(('bridging', 'warned'), [('hold', False), ('extrapolate', True)])
-def test_a_user_who_forwards_commands_is_warned_that_ros2_control_holds(
-    bridging: str, warned: bool, tmp_path: Path
-) -> None:
-    path = tmp_path / 'robot.yaml'
-    given = (FOLDER / 'lbr_iiwa7.yaml').read_text()
-    path.write_text(given.replace('bridging: hold', f'bridging: {bridging}'))
-    with behind_ros2_control(path) as (graph, _):
-        reported = [line for name, line in graph.log if 'bridging' in line]
-    assert bool(reported) is warned
-
-
 @pytest.mark.slow
 def test_after_a_reflex_no_task_goes_on_by_itself() -> None:
     with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):

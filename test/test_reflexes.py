@@ -273,7 +273,7 @@ def steered(controller: Controller, operator: Operator, seconds: float) -> Itera
     for k in range(1, round(seconds / T)):
         x, R = controller.model.tip(q)
         loop.enter_twist(0, operator.twist(k * T, x, R), k * T)
-        response = loop.enter_state(round(1e9 * k * T), q, k * T)
+        response = loop.step(round(1e9 * k * T), q, k * T)
         q = q if response is None else response.command.q_ref
         yield q
 

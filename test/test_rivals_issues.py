@@ -280,7 +280,7 @@ def speeds_of(
     speeds = []
     for cycle in range(1, 1000):
         stamp = 10**18 + round(cycle * T * 1e9)
-        responses = [loop.enter_state(stamp, q, cycle * T)] if arrives(cycle) else []
+        responses = [loop.step(stamp, q, cycle * T)] if arrives(cycle) else []
         if sent(cycle):
             responses.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
         for response in filter(None, responses):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from redres_ros.interpolation import quintic
-from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
+from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.twist_buffer import TwistBuffer
 
 T = 0.002  # [s]
-A = TwistBufferSettings().max_linear_acceleration
+A = LoopSettings().max_linear_acceleration
 
 
 def along(cycle: int) -> np.ndarray:
@@ -21,7 +22,7 @@ def played(
     """What is played, (ticks, 3), when task velocities of cycles come before a tick, as by
     arrivals.
     """
-    twist_buffer = TwistBuffer(3, T, TwistBufferSettings(twist_lag=lag))
+    twist_buffer = TwistBuffer(3, T, LoopSettings(twist_lag=lag))
     out = []
     for tick in range(ticks):
         for cycle in arrivals.get(tick, ()):
@@ -87,7 +88,7 @@ def test_a_planner_that_was_held_up_is_caught_up_with_smoothly(length: int) -> N
 
 
 def test_task_velocities_that_come_late_count_as_late_and_their_cycles_as_missing() -> None:
-    twist_buffer = TwistBuffer(3, T, TwistBufferSettings())
+    twist_buffer = TwistBuffer(3, T, LoopSettings())
     for tick in range(1, 100):
         late = 40 <= tick < 60
         if not late:
@@ -100,7 +101,7 @@ def test_task_velocities_that_come_late_count_as_late_and_their_cycles_as_missin
 
 
 def test_of_two_task_velocities_for_a_cycle_the_newest_counts() -> None:
-    twist_buffer = TwistBuffer(3, T, TwistBufferSettings())
+    twist_buffer = TwistBuffer(3, T, LoopSettings())
     twist_buffer.put(1, along(400))
     twist_buffer.put(1, np.zeros(3))
     for tick in range(2, 100):
@@ -125,7 +126,7 @@ def test_a_source_that_sends_seldom_is_followed_smoothly(every: int) -> None:
 
 @pytest.mark.parametrize('rows', [3, 6])
 def test_a_sudden_velocity_is_approached_with_the_largest_acceleration(rows: int) -> None:
-    settings = TwistBufferSettings()
+    settings = LoopSettings()
     twist_buffer = TwistBuffer(rows, T, settings)
     dx = np.full(rows, 0.3)
     out = []
@@ -147,7 +148,7 @@ def test_a_sudden_velocity_is_approached_with_the_largest_acceleration(rows: int
 
 
 def test_a_jump_is_not_extrapolated() -> None:
-    twist_buffer = TwistBuffer(3, T, TwistBufferSettings())
+    twist_buffer = TwistBuffer(3, T, LoopSettings())
     dx = np.array((0.0, 0.1, 0.0))
     for tick in range(30):
         if tick <= 20:
@@ -157,7 +158,7 @@ def test_a_jump_is_not_extrapolated() -> None:
 
 
 def test_after_clear_the_next_task_velocity_begins_from_a_standstill() -> None:
-    twist_buffer = TwistBuffer(3, T, TwistBufferSettings())
+    twist_buffer = TwistBuffer(3, T, LoopSettings())
     dx = np.array((0.0, 0.1, 0.0))
     for tick in range(200):
         twist_buffer.put(tick, dx)
@@ -175,7 +176,7 @@ def test_whatever_stamps_task_velocities_have_the_largest_acceleration_is_kept_t
 ) -> None:
     for seed in range(40):
         random = np.random.default_rng(seed)
-        twist_buffer = TwistBuffer(3, T, TwistBufferSettings(twist_lag=int(random.integers(0, 4))))
+        twist_buffer = TwistBuffer(3, T, LoopSettings(twist_lag=int(random.integers(0, 4))))
         before = np.zeros(3)
         cycle = 0
         for _ in range(300):

@@ -64,9 +64,7 @@ class PushedArm:
                 self.loop.measurements.contact.sensor.enter(wrench)
             if dx is not None and self.tick > 1:
                 self.loop.enter_twist(0, dx, self.tick * T)
-            response = self.loop.enter_state(
-                EPOCH + round(self.tick * T * 1e9), self.q, self.tick * T
-            )
+            response = self.loop.step(EPOCH + round(self.tick * T * 1e9), self.q, self.tick * T)
             assert response is not None
             self.q = response.command.q_ref
             references.append(self.q)
@@ -87,7 +85,7 @@ def test_an_arm_at_rest_yields_to_a_push_and_then_holds_again() -> None:
     assert arm.loop.mode is Mode.HOLDING
     rest = arm.q
     assert (arm.run(0.2, NOTHING) == rest).all()
-    assert arm.loop.gate.count == 0
+    assert arm.loop.safety_filter.count == 0
     assert arm.loop.error == ''
 
 
@@ -150,7 +148,7 @@ def test_when_task_velocities_end_the_arm_goes_on_yielding() -> None:
     assert arm.loop.mode is Mode.MOVING
     ddq = np.diff(references, n=2, axis=0) / T**2
     assert np.abs(ddq).max() < 20.0  # [rad/s^2], the limits are 20.9 and more
-    assert arm.loop.gate.count == 0
+    assert arm.loop.safety_filter.count == 0
 
 
 @pytest.mark.parametrize(
@@ -175,7 +173,7 @@ def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(
     arm.loop.hold(False)
     arm.run(0.5, PUSH)
     assert arm.loop.mode is Mode.MOVING
-    assert arm.loop.gate.count == 0
+    assert arm.loop.safety_filter.count == 0
 
 
 def test_an_arm_that_presses_is_not_tared() -> None:

@@ -75,7 +75,7 @@ def _direction(topic: str) -> str:
     sources = [name for name, node in graph if topic in node.published]
     sinks = [name for name, node in graph if topic in node.subscribed]
     if topic.startswith('forward_position_controller'):
-        sources = ['controller']  # only with the parameter forward_commands
+        sources = ['controller']  # only with robot_interface: ros2_control
     return f'{", ".join(sources) or "anyone"} → {", ".join(sinks) or "anyone"}'
 
 

@@ -9,7 +9,7 @@ TOPICS = {
     'joint_velocity': 'joint velocities in place of a task velocity: towards the start of a task',
     'cartesian_velocity': 'desired task velocity, in the frame of any link; a zero stamp means now',
     'forward_position_controller/commands': 'the same reference for ros2_control, '
-    'with `forward_commands`',
+    'with `robot_interface: ros2_control`',
     'target_pose': 'target of a smooth path, in place of the task',
     'wrench': 'force and moment that the environment exerts on the tip, along the axes of the tip',
     'external_torques': 'torques that the environment exerts on the joints (`effort`)',

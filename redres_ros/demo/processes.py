@@ -254,7 +254,7 @@ class NodeGroup:
         else:
             # The robot waits for its command, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE
-            shared['twist_patience'] = _CLOCK_PATIENCE
+            shared['robot_interface'] = 'sim'
         own: dict[str, dict[str, Any]] = {
             'sim': sim,
             'controller': {'law': options.law, 'damping': self._law.damping},

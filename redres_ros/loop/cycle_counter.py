@@ -4,6 +4,7 @@ from collections import deque
 from itertools import pairwise
 
 from redres_ros.errors import RedresError
+from redres_ros.types import Cycles, Nanoseconds, Seconds
 
 NANOSECONDS = 1_000_000_000
 RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
@@ -28,14 +29,8 @@ class ClockError(RedresError):
     """A state whose stamp is not that of a new cycle."""
 
 
-def is_of_this_moment(stamp: int, time_of_day: int, tolerance: float) -> bool:
-    """Whether a stamp was made on this computer a moment ago, whatever the robot's clock shows.
-
-    Args:
-        stamp: Stamp of a message [ns].
-        time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
-        tolerance: How long a moment is [s].
-    """
+def is_of_this_moment(stamp: Nanoseconds, time_of_day: Nanoseconds, tolerance: Seconds) -> bool:
+    """Whether a message that arrived at a time of day was stamped on this computer just before."""
     return abs(time_of_day - stamp) <= tolerance * NANOSECONDS
 
 
@@ -48,19 +43,22 @@ class CycleCounter:
     because the state came sooner after its stamp than any could, back because the next one goes on
     from there.
 
-    Args:
-        period: Period of the robot's cycle [ns].
+    Attributes:
+        number: Of the newest state's cycle; never goes back.
+        newest: Stamp of the newest state; 0 before the first.
+        arrived: When that came.
+        rate_error: That the robot has another rate than expected, and which.
     """
 
-    def __init__(self, period: int) -> None:
+    def __init__(self, period: Nanoseconds) -> None:
         self.period = period
         self.restart()
 
     def restart(self) -> None:
         """Forget all states."""
-        self.number = 0  # of the newest state's cycle; never goes back
-        self.newest = 0  # stamp of the newest state [ns]; 0 before the first
-        self.arrived = 0.0  # when that came [s]
+        self.number = 0
+        self.newest = 0
+        self.arrived = 0.0
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._rate = 0.0  # [ns] by which a cycle of the stamps is longer than a period
@@ -72,14 +70,10 @@ class CycleCounter:
         self._stamps: deque[int] = deque()
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self._fast_since = 0  # stamp from which on states come too fast [ns]; 0: they do not
-        self.rate_error = ''  # that the robot has another rate than expected, and which
+        self.rate_error = ''
 
-    def enter(self, stamp: int, arrived: float) -> int:
+    def enter(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
         """The number of cycles from the last state to this one; 0 if the clock is a new one.
-
-        Args:
-            stamp: Stamp of the state [ns].
-            arrived: When it came, by this computer's monotonic clock [s].
 
         Raises:
             ClockError: The state has no stamp, is out of order, or comes far too early.
@@ -133,54 +127,50 @@ class CycleCounter:
         )
 
     @property
-    def earliest_arrival(self) -> float:
-        """When the newest state would have come with the least delay seen so far [s]; when it did
+    def earliest_arrival(self) -> Seconds:
+        """When the newest state would have come with the least delay seen so far; when it did
         come, if the robot's clock is slower than this computer's.
         """
         if self.newest - self._in_time > _SLOWER:
             return self.arrived
         return self.newest / NANOSECONDS + self._least_delay
 
-    def cycle(self, stamp: int) -> int:
-        """The cycle of a stamp [ns]: that of its state, else the nearest."""
+    def cycle(self, stamp: Nanoseconds) -> int:
+        """The cycle of a stamp: that of its state, else the nearest."""
         known = self._numbers.get(stamp)
         if known is not None:
             return known
         return self.number + round((stamp - self.newest) / self.period)
 
-    def age(self, stamp: int) -> float:
-        """How far a stamp [ns] is behind the newest state, in whole cycles [s]."""
+    def _age(self, stamp: Nanoseconds) -> Seconds:
+        """How far a stamp is behind the newest state, in whole cycles."""
         return (self.number - self.cycle(stamp)) * self.period / NANOSECONDS
 
-    def age_problem(self, stamp: int, allowed: float) -> str:
-        """Why a stamp is too far from the robot's clock; '' if it is not.
-
-        Args:
-            stamp: A time on the robot's clock [ns].
-            allowed: How far it may be [s].
-        """
-        age = self.age(stamp)
+    def age_problem(self, stamp: Nanoseconds, allowed: Seconds) -> str:
+        """Why a stamp is too far from the robot's clock; '' if it is not."""
+        age = self._age(stamp)
         if abs(age) <= allowed:
             return ''
         side = 'behind' if age > 0.0 else 'ahead of'
         return f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {allowed:g}"
 
-    def robot_stamp(self, stamp: int, time_of_day: int, tolerance: float) -> int:
-        """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
+    def robot_stamp(
+        self, stamp: Nanoseconds, time_of_day: Nanoseconds, tolerance: Seconds
+    ) -> Nanoseconds:
+        """A stamp by the robot's clock; 0, for now, in place of one by another clock.
 
         A stamp that is far from the robot's clock, and that this computer's clock showed a moment
         ago, was made on this computer: the arrival is what counts.
 
         Args:
-            stamp: Stamp of a message [ns]; 0 for now.
-            time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
-            tolerance: How far is far, and how long a moment is [s].
+            time_of_day: Time of its arrival by this computer's clock; 0: not known.
+            tolerance: How far is far, and how long a moment is.
         """
-        is_far = abs(self.age(stamp)) > tolerance
+        is_far = abs(self._age(stamp)) > tolerance
         return 0 if is_far and is_of_this_moment(stamp, time_of_day, tolerance) else stamp
 
-    def is_of_a_state(self, stamp: int) -> bool:
-        """Whether a stamp [ns] is that of a state, as far as is known."""
+    def is_of_a_state(self, stamp: Nanoseconds) -> bool:
+        """Whether a stamp is that of a state, as far as is known."""
         return stamp in self._numbers or (stamp - self.newest) % self.period == 0
 
     def _count(self, elapsed: int, delay: float) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
+from redres_ros.types import Cycles, JointPositions, Radians, Seconds
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
@@ -20,7 +21,7 @@ _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
 _LEAPS = 3.0  # states in short succession that cannot be of this arm
 _LEAP_DECAY = 0.1  # of these for each good one
-_PROBE_TIME = 0.5  # [s] between looks at whether an arm that does not move is moved again
+_PROBE_TIME = 0.5  # [s] between probes of whether an arm that does not move is moved again
 _PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
 _SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
 _SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
@@ -33,25 +34,22 @@ class LeapError(RedresError):
 class FaultMonitor:
     """Notices faults. The first one stays until a new motion is commanded, or it is cleared.
 
-    Args:
-        controller: Knows the arm and its reference.
-        allowed: Distance of a joint from its reference [rad].
+    Attributes:
+        reason: Of the fault; empty without one.
+        executes: False for an arm that does not move at all.
+        released: The motion that was stopped is no longer commanded.
+        is_probing: Motion begins with a probe of whether the arm moves.
     """
 
-    def __init__(self, controller: Controller, allowed: float) -> None:
-        self.reason = ''  # of the fault
-        self.executes = True  # False for an arm that does not move at all
-        self.released = False  # the motion that was stopped is no longer commanded
-        self.is_probing = False  # motion begins with a probe of whether the arm moves
-        self._until_probe = 0.0  # [s]
+    def __init__(self, controller: Controller) -> None:
+        self.reason = ''
         self._controller = controller
         self._model = controller.model
-        self._allowed = allowed
-        self._leaps = 0.0
+        self._allowed = controller.robot_interface.following_tolerance  # [rad]
+        self._until_probe = 0.0  # [s]
         self._pause = 0.0  # [s] for which no motion was asked for
-        self._settling = 0.0  # [s] for which the arm has moved without a task
-        delay = max(round(_DELAY / controller.T), 1)  # cycles
-        self._references: deque[np.ndarray] = deque(maxlen=delay)
+        self._references: deque[JointPositions] = deque(maxlen=max(round(_DELAY / controller.T), 1))
+        self.clear()
         self.begin()
 
     def begin(self) -> None:
@@ -61,7 +59,7 @@ class FaultMonitor:
         self._lower = np.full((3, self._model.n), np.inf)
         self._upper = -self._lower
         self._elapsed = 0.0  # [s] of these
-        self._settling = 0.0
+        self._settling = 0.0  # [s] for which the arm has moved without a task
         self._fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
 
     def set(self, reason: str) -> None:
@@ -80,13 +78,13 @@ class FaultMonitor:
 
     def clear(self) -> None:
         """There is none any more."""
-        self.is_probing = False
         self.reason = ''
         self.executes = True
         self.released = False
+        self.is_probing = False
         self._leaps = 0.0
 
-    def note_request(self, asks: bool, stale: bool, seconds: float) -> None:
+    def note_request(self, asks: bool, stale: bool, seconds: Seconds) -> None:
         """Whether motion is commanded; a new command of motion clears a fault.
 
         Args:
@@ -105,16 +103,11 @@ class FaultMonitor:
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
 
-    def check_leap(self, q: np.ndarray, before: np.ndarray, seconds: float) -> None:
-        """Refuse a state in which a joint has moved further than it can.
+    def check_leap(self, q: JointPositions, before: JointPositions, seconds: Seconds) -> None:
+        """Refuse a state in which a joint has moved further than it can since the last one.
 
         An encoder that fails for a moment is passed over. Several such states are a fault: they may
         come from two robots with the same joint names.
-
-        Args:
-            q: Measured, (n,) [rad].
-            before: The same, of the last state that was believed.
-            seconds: Between these.
 
         Raises:
             LeapError: It is refused.
@@ -126,32 +119,33 @@ class FaultMonitor:
         self._leaps += 1.0
         what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {self._allowed:g}'
         if self._leaps < _LEAPS:
-            raise LeapError(f'{what} (parameter following_tolerance)')
+            raise LeapError(what)
         self.set(f'{what}; does another robot publish joint_states, too?')
 
-    def lag(self, q: np.ndarray) -> tuple[float, int]:
-        """How far the joint furthest behind is from its reference [rad], and which one it is.
+    def lag(self, q: JointPositions) -> tuple[Radians, int]:
+        """How far the joint furthest behind is from its reference, and which one it is.
 
         What a servo may be behind a moving reference does not count.
-
-        Args:
-            q: Measured, (n,) [rad].
         """
-        return largest_excess(self._controller.reference, q, self._fast, _LAG_TIME)
+        published = self._controller.published
+        q_ref = q if published is None else published.q
+        return largest_excess(q_ref, q, self._fast, _LAG_TIME)
 
-    def is_away(self, q: np.ndarray) -> bool:
-        """Whether an arm measured at q (n,) [rad] is not where its reference is."""
+    def is_away(self, q: JointPositions) -> bool:
+        """Whether an arm measured at q is not where its reference is."""
         return self.lag(q)[0] > self._allowed
 
-    def watch(self, q: np.ndarray, cycles: int) -> None:
-        """Compare what was measured of a moving arm with what was commanded.
-
-        Args:
-            q: Measured, (n,) [rad].
-            cycles: Since the state before.
+    def watch(self, q: JointPositions, cycles: Cycles) -> None:
+        """Compare what was measured of a moving arm, `cycles` after the last state, with what was
+        commanded.
         """
-        moves = self._moves(q, cycles * self._controller.T)
-        lag, joint = self.lag(q)
+        published = self._controller.published
+        if published is None:
+            return
+        seconds = cycles * self._controller.T
+        update_peak(self._fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
+        moves = self._moves(q, published.q, seconds)
+        lag, joint = largest_excess(published.q, q, self._fast, _LAG_TIME)
         if lag > self._allowed:
             self.set(
                 f'the arm does not follow: {self._model.joint_names[joint]} is {lag:.3g} rad from '
@@ -159,13 +153,11 @@ class FaultMonitor:
             )
         if not moves:
             self.set_not_executing()
-        if self._settling > _SETTLING_TIME and largest(self._controller.dq) > _SETTLED:
+        if self._settling > _SETTLING_TIME and largest(published.dq) > _SETTLED:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
-    def _moves(self, q: np.ndarray, seconds: float) -> bool:
+    def _moves(self, q: JointPositions, q_ref: JointPositions, seconds: Seconds) -> bool:
         """Whether any joint moves, if any is or was shortly before commanded to."""
-        q_ref = self._controller.reference
-        update_peak(self._fast, self._controller.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds

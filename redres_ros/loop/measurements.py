@@ -13,6 +13,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.robot_model import RobotState, TickContext
+from redres_ros.types import Cycles, JointPositions, Nanoseconds, Seconds, TaskVelocity, Wrench
 from redres_ros.types import check_finite
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
@@ -23,27 +24,26 @@ class MeasurementAgeError(RedresError):
 
 
 class _Measurement(NamedTuple):
-    """A value as it came, and the time of the loop by then [s]."""
+    """A value as it came, and the time of the loop by then."""
 
     value: np.ndarray
-    time: float
+    time: Seconds
 
 
 class Measurements:
     """Wrenches for contact, other measurements for preferences and limits.
 
-    Args:
-        controller: Gets the measurements for its preferences and limits.
-        contact: Gets the wrenches.
-        cycles: The robot's clock.
+    Attributes:
+        asks: For motion, now or shortly before.
+        yields: Contact may change the task velocity.
     """
 
     def __init__(
         self, controller: Controller, contact: ContactControl, cycles: CycleCounter
     ) -> None:
         self.contact = contact
-        self.asks = False  # for motion, now or shortly before
-        self.yields = False  # contact may change the task velocity
+        self.asks = False
+        self.yields = False
         self._controller = controller
         self._cycles = cycles
         self._values: dict[str, _Measurement] = {}
@@ -60,21 +60,21 @@ class Measurements:
             return self.contact.warning
         return self.contact.sensor.problem
 
-    def tare(self, q: np.ndarray) -> None:
-        """Take the measured wrench for the sensor's bias, at q (n,) [rad]. Raises TareError."""
+    def tare(self, q: JointPositions) -> None:
+        """Take the measured wrench for the sensor's bias. Raises TareError."""
         self.contact.sensor.tare(self._state(q))
 
     def enter_wrench(
-        self, stamp: int, wrench: np.ndarray, frame: str, time_of_day: int = 0
+        self, stamp: Nanoseconds, wrench: Wrench, frame: str, time_of_day: Nanoseconds = 0
     ) -> None:
         """Record a measured wrench.
 
         Args:
-            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
-            wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
-            frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
-                the base.
-            time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
+            stamp: A time on the robot's clock or on this computer's; 0 for now.
+            wrench: What the environment exerts on the tip.
+            frame: The link along whose axes and about whose origin it is; '' is the tip, 'base' the
+                base.
+            time_of_day: Time of its arrival by this computer's clock; 0: not known.
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
@@ -87,14 +87,10 @@ class Measurements:
             self._links[frame] = '' if frame == model.arm.tip_frame else frame
         self.contact.sensor.enter(wrench, self._links[frame])
 
-    def enter(self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0) -> None:
-        """Record a measurement that a preference or limit uses.
-
-        Args:
-            name: Name by which its user calls it.
-            stamp: See enter_wrench().
-            value: Any finite vector.
-            time_of_day: See enter_wrench().
+    def enter(
+        self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
+    ) -> None:
+        """Record a finite vector that a preference or limit uses by this name; see enter_wrench().
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
@@ -104,7 +100,7 @@ class Measurements:
         check_finite(value, name)
         self._values[name] = _Measurement(value, self._time)
 
-    def _check_age(self, name: str, stamp: int, time_of_day: int) -> None:
+    def _check_age(self, name: str, stamp: Nanoseconds, time_of_day: Nanoseconds) -> None:
         """Raise MeasurementAgeError for a stamp too far from the robot's clock."""
         cycles = self._cycles
         allowed = self.contact.settings.wrench_timeout
@@ -115,11 +111,10 @@ class Measurements:
                 f'{name}: {problem} (admittance.wrench_timeout; a zero stamp means now)'
             )
 
-    def update(self, q: np.ndarray, missed: int, at_rest: bool) -> None:
+    def update(self, q: JointPositions, missed: Cycles, at_rest: bool) -> None:
         """Drop what is too old, and see whether the rest asks for motion; once a tick.
 
         Args:
-            q: Measured joint positions, (n,) [rad].
             missed: Cycles without a tick since the last one.
             at_rest: Nothing moves yet.
         """
@@ -147,13 +142,8 @@ class Measurements:
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE
 
-    def velocity(self, dx: np.ndarray, q: np.ndarray, missed: int) -> np.ndarray:
-        """The task velocity with the part of contact, (m,), while that yields.
-
-        Args:
-            dx: Without, (m,).
-            q: Measured joint positions, (n,) [rad].
-            missed: Cycles without a tick since the last one.
+    def velocity(self, dx: TaskVelocity, q: JointPositions, missed: Cycles) -> TaskVelocity:
+        """The task velocity with the part of contact, while that yields.
 
         Raises:
             ContactError: The arm is to hold.
@@ -173,7 +163,7 @@ class Measurements:
         self._asked = -np.inf
         self.asks = False
 
-    def _state(self, q: np.ndarray) -> RobotState:
-        controller = self._controller
-        tick = TickContext(controller.measurements)
-        return RobotState(controller.model, q, np.zeros(len(q)), tick=tick)
+    def _state(self, q: JointPositions) -> RobotState:
+        rest = np.zeros(len(q))
+        tick = TickContext(self._controller.measurements)
+        return RobotState(self._controller.model, q, rest, rest, tick)

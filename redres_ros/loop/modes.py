@@ -1,11 +1,11 @@
-"""The modes of the controller, and the one table of transitions between them.
+"""The modes of the controller, what blocks motion, and the one table of transitions.
 
 | mode | publishes |
 |---|---|
 | inactive | nothing |
 | mirroring | the measured position: the robot takes no commands |
 | holding | the same reference, exactly |
-| moving | the policy's reference, through the gate |
+| moving | the policy's reference, through the safety filter |
 | stopping | braking within A |
 """
 
@@ -22,16 +22,41 @@ class Mode(Enum):
     MOVING = 'moving'
     STOPPING = 'stopping'
 
+    @property
+    def moves(self) -> bool:
+        """Whether references may change."""
+        return self in (Mode.MOVING, Mode.STOPPING)
+
+
+class Source(Enum):
+    """What a moving arm follows."""
+
+    INPUT = 'task or joint velocities'
+    MEASUREMENTS = 'what is measured: it yields'
+    APPROACH = 'the way to where it was measured'
+    PROBE = 'a small step that shows whether the robot executes commands'
+
+
+class Interlock(Enum):
+    """What blocks motion, the first one first."""
+
+    SESSION = 'the robot takes no commands'
+    INACTIVE = 'the controller is inactive'
+    HOLD = 'it is asked to hold'
+    RATE = 'the robot has another rate'
+    FAULT = 'a fault'
+    SILENCE = 'no task velocity'
+
 
 class Conditions(NamedTuple):
     """The conditions of transitions, at one state of the robot.
 
     Attributes:
-        active: The node is active.
+        active: The controller is active, or not at rest yet.
         commandable: The robot takes commands.
-        motion_allowed: Nothing is against motion: no hold, no silence, no fault.
-        motion_asked: Motion is allowed, and a task velocity asks for it.
-        at_rest: The reference has come to rest, and no motion is asked for.
+        motion_allowed: No interlock blocks motion.
+        motion_asked: Motion is allowed, and something asks for it.
+        at_rest: The reference has come to rest, and nothing asks for motion.
     """
 
     active: bool
@@ -75,12 +100,7 @@ TRANSITIONS: dict[Mode, tuple[Transition, ...]] = {
 
 
 def next_mode(mode: Mode, conditions: Conditions) -> Mode:
-    """The mode at a state of the robot.
-
-    Args:
-        mode: The one before.
-        conditions: Conditions at this state.
-    """
+    """The mode at a state of the robot, after that of the state before."""
     for _ in TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node
         for condition, value, following in TRANSITIONS[mode]:
             if getattr(conditions, condition) is value:

@@ -1,11 +1,12 @@
 """Whether the robot takes commands, by its session state."""
 
 from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.types import Nanoseconds
 
 # Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
 COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
 
-_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
+_PATIENCE = 5 * NANOSECONDS  # for a new robot's session state; DDS may take 3 s
 
 
 class RobotSession:
@@ -20,21 +21,21 @@ class RobotSession:
         self.is_connected = True  # whether commands reach it at all
         self._commanding = True
         self._undecided = lockstep  # until command mode has begun
-        self._spoken = False
-        self._silent_until = 0  # stamp [ns] until which a new robot may say it
+        self._is_known = False
+        self._awaited_until = 0  # stamp [ns] until which a new robot may publish it
 
-    def enter(self, word: str) -> None:
+    def enter(self, state: str) -> None:
         """Record the name of a session state."""
-        self._spoken = True
-        self._silent_until = 0
-        self._undecided = self._undecided and word not in COMMANDING
-        self._commanding = word in COMMANDING or self._undecided
+        self._is_known = True
+        self._awaited_until = 0
+        self._undecided = self._undecided and state not in COMMANDING
+        self._commanding = state in COMMANDING or self._undecided
 
-    def begin(self, stamp: int) -> None:
-        """Expect another robot from a stamp [ns] on; the word of the last one does not hold."""
-        if self._spoken:
-            self._silent_until = stamp + _PATIENCE
+    def begin(self, stamp: Nanoseconds) -> None:
+        """Expect another robot from a stamp on; the state of the last one does not hold."""
+        if self._is_known:
+            self._awaited_until = stamp + _PATIENCE
 
-    def commanding_at(self, stamp: int) -> bool:
-        """Whether the robot takes commands at a stamp [ns]."""
-        return self.is_connected and self._commanding and stamp >= self._silent_until
+    def commanding_at(self, stamp: Nanoseconds) -> bool:
+        """Whether the robot takes commands at a stamp."""
+        return self.is_connected and self._commanding and stamp >= self._awaited_until

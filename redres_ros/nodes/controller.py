@@ -17,8 +17,7 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import Mode
-from redres_ros.loop.settings import LoopSettings, why_it_would_leap
-from redres_ros.loop.twist_buffer import TwistBufferSettings
+from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import JointMapper, TwistTransformer
@@ -55,6 +54,7 @@ from redres_ros.nodes.wire import (
     to_nanoseconds,
 )
 from redres_ros.parameter import param
+from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.types import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
@@ -78,7 +78,13 @@ class ControllerParameters(ListenerParameters):
     plugins: tuple[str, ...] = param(
         (NONE,), 'Python files with laws, preferences, tasks and limits of your own'
     )
-    forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
+    robot_interface: str = param(
+        'fri',
+        'what the robot does without a command, and where commands go; fri and sim continue at the '
+        'last velocity, and the clock of sim waits; fci continues at the last acceleration; '
+        'ros2_control holds, and gets forward_position_controller/commands',
+        choices=tuple(ROBOT_INTERFACES),
+    )
 
 
 class ControllerNode(ManagedNode):
@@ -102,6 +108,7 @@ class ControllerNode(ManagedNode):
             T,
             switch_time=settings.switch_time,
             integrate_from=settings.integrate_from,
+            robot_interface=settings.robot_interface,
         )
         self._controller.set_policy(self._policy.policy)
         self._rows = self._controller.m
@@ -109,12 +116,9 @@ class ControllerNode(ManagedNode):
         self._loop = CommandLoop(
             self._controller,
             loop_settings,
-            declare(self, TwistBufferSettings()),
             self._sensors.contact,
         )
         self._loop.deactivate()
-        if leap := why_it_would_leap(settings.forward_commands, loop_settings.bridging):
-            self.get_logger().warning(leap)
         frame = settings.base_frame or model.base_frame
         self._transformer = TwistTransformer(model, frame)
         self._states = JointStateReader()
@@ -122,7 +126,7 @@ class ControllerNode(ManagedNode):
         self._writer = JointStateWriter(model.joint_names)
         self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
         self._forwarding: Forwarding | None = None
-        if settings.forward_commands:
+        if self._controller.robot_interface.forwards_commands:
             self._forwarding = Forwarding(self, model.joint_names)
         self._words = LatchedWords(self, MODE)
         self._reported_error = ''
@@ -148,7 +152,7 @@ class ControllerNode(ManagedNode):
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.listen(self._loop, self._inputs)
         self._sensors.apply({}, self._policy.policy.measurements)
-        if self._loop.input.settings.twist_patience:
+        if self._controller.robot_interface.patience:
             create_steady_timer(self, _LOOK, self._on_look)
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -167,7 +171,7 @@ class ControllerNode(ManagedNode):
         q = self._joints.positions(sample)
         if self._forwarding:
             self._loop.set_connected(not self._forwarding.is_pending)
-        return self._loop.enter_state(sample.stamp, q, time.monotonic())
+        return self._loop.step(sample.stamp, q, time.monotonic())
 
     def _on_twist(self, message: TwistStamped | bytes) -> None:
         self._respond('cartesian_velocity', self._enter_twist, message)
@@ -263,7 +267,7 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _may_be_cleaned_up(self) -> bool:
-        moves = self._loop.mode in (Mode.MOVING, Mode.STOPPING)
+        moves = self._loop.mode.moves
         return not moves or self._watchdog.silent
 
     def _forget(self) -> None:
@@ -296,7 +300,7 @@ class ControllerNode(ManagedNode):
             'states skipped': loop.skipped,
             'task velocities missing': loop.input.of_task.missing,
             'task velocities late': loop.input.of_task.late,
-            'references changed by the gate': loop.gate.count,
+            'references changed by the safety filter': loop.safety_filter.count,
             'messages refused': self._inputs.count,
             **self._sensors.figures,
         }

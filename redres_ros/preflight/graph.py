@@ -7,7 +7,6 @@ import numpy as np
 
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.session import COMMANDING
-from redres_ros.loop.settings import why_it_would_leap
 from redres_ros.nodes.topics import REASON, SESSION
 from redres_ros.preflight.arm import ExpectedArm, Verdict, fault, judge_arm, note, ok
 from redres_ros.preflight.graph_snapshot import (
@@ -20,6 +19,7 @@ from redres_ros.preflight.graph_snapshot import (
     GraphSnapshot,
     StateSeen,
 )
+from redres_ros.robot_interface import ROBOT_INTERFACES
 
 
 def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
@@ -159,7 +159,7 @@ def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
         if seen.forward_states or seen.hardware:  # a robot behind ros2_control
             yield from _judge_forwarding(seen)
         return
-    forward = bool(seen.controller['forward_commands'])
+    forward = ROBOT_INTERFACES[str(seen.controller['robot_interface'])].forwards_commands
     topic = FORWARD if forward else COMMANDS
     listeners = seen.subscribers.get(topic, ())
     if listeners:
@@ -167,10 +167,8 @@ def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     else:
         advice = 'is that controller loaded and active?'
         if not forward:
-            advice = f'a robot behind ros2_control needs forward_commands, which uses {FORWARD}'
+            advice = 'a robot behind ros2_control needs robot_interface: ros2_control'
         yield fault('commands', f'{topic} has no subscriber; {advice}')
-    if leap := why_it_would_leap(forward, str(seen.controller['bridging'])):
-        yield fault('commands', leap)
     if forward and listeners:
         yield from _judge_forwarding(seen)
     for other in (COMMANDS, FORWARD):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from redres_ros import Command, Controller, RobotModel, make_law
-from redres_ros.loop.gate import Gate
+from redres_ros.loop.safety_filter import SafetyFilter
+from redres_ros.robot_interface import Published
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('lwr4_paper')
@@ -21,13 +22,12 @@ class Guarded:
     def __init__(self, q: np.ndarray, dq: np.ndarray) -> None:
         limits = ('position', 'velocity', 'acceleration')
         self.controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=limits)
-        self.controller.place(q)
-        self.controller.correct(q, dq)
-        self.gate = Gate(self.controller)
+        self.controller.go_on_from(Published(q, dq, np.zeros(MODEL.n), dq))
+        self.filter = SafetyFilter(self.controller)
 
-    def admit(self, wanted: np.ndarray, missed: int) -> Command:
-        self.controller.before = self.controller.bridged(missed)
-        return self.gate.admit(replace(self.controller.standing(), q_ref=wanted))
+    def admit(self, desired: np.ndarray, missed: int) -> Command:
+        plan = self.controller.plan(self.controller.reference, np.zeros(3), missed)
+        return self.controller.commit(self.filter.admit(replace(plan, q_ref=desired)))
 
 
 def only(value: float) -> np.ndarray:
@@ -39,8 +39,8 @@ def test_a_reference_within_the_limits_passes_as_it_is() -> None:
     arm = Guarded(AWAY, only(0.5))
     wanted = AWAY + T * only(0.5 + 0.9 * A[JOINT] * T)
     assert (arm.admit(wanted, 0).q_ref == wanted).all()
-    assert arm.gate.reason == ''
-    assert arm.gate.count == 0
+    assert arm.filter.reason == ''
+    assert arm.filter.count == 0
 
 
 @pytest.mark.parametrize('step', [0.1, -0.1, np.nan, np.inf])
@@ -49,8 +49,8 @@ def test_a_step_becomes_a_motion_within_the_acceleration_that_names_the_joint(st
     admitted = arm.admit(AWAY + only(step), 0)
     change = np.abs(admitted.dq - only(0.5))
     assert (change <= A * T * (1.0 + 1e-9)).all()
-    assert arm.gate.reason.startswith(MODEL.joint_names[JOINT])
-    assert arm.gate.count == 1
+    assert arm.filter.reason.startswith(MODEL.joint_names[JOINT])
+    assert arm.filter.count == 1
 
 
 def test_a_joint_that_cannot_stop_within_its_range_any_more_is_reported_while_it_brakes() -> None:
@@ -60,5 +60,5 @@ def test_a_joint_that_cannot_stop_within_its_range_any_more_is_reported_while_it
     wanted = q + 5 * T * only(0.8) + T * braking
     admitted = arm.admit(wanted, 5)
     np.testing.assert_allclose(admitted.q_ref, wanted, rtol=0.0, atol=1e-12)
-    assert 'too fast to stop' in arm.gate.reason
-    assert arm.gate.count == 1
+    assert 'too fast to stop' in arm.filter.reason
+    assert arm.filter.count == 1
