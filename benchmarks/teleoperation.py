@@ -127,7 +127,7 @@ def our_follower(
         nonlocal k
         k += 1
         loop.enter_twist(0, dx[: controller.m], k * T)
-        response = loop.enter_state(round(1e9 * k * T), q, k * T)
+        response = loop.step(round(1e9 * k * T), q, k * T)
         return q if response is None else response.command.q_ref
 
     return follow

@@ -282,6 +282,11 @@ class Controller:
         self._prepared = None
         self.published = published
 
+    def bridged(self, published: Published, missed: Cycles) -> Published:
+        """Where the robot is, `missed` cycles after a reference, as if that was published."""
+        q_range = self.model.q_min, self.model.q_max
+        return self.robot_interface.bridged(published, missed, q_range, self.T)
+
     def nearest_turn(self, q: JointPositions) -> JointPositions:
         """q, with joints of more than one turn at the turn nearest to the last reference.
 
@@ -401,7 +406,7 @@ class Controller:
         """The plan of a tick, and its speed [rad/s]."""
         base = self.published or Published.at_rest(q)
         if missed:
-            base = self.robot_interface.bridged(base, missed, self.model, self.T)
+            base = self.bridged(base, missed)
         start = base.q
         dq_prev = base.dq
         if self._integrate_from == 'measurement':

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.robot_model import RobotModel
 from redres_ros.types import (
     Cycles,
     JointAccelerations,
@@ -65,7 +64,11 @@ class RobotInterface:
         return self.bridging == 'hold'
 
     def bridged(
-        self, published: Published, missed: Cycles, model: RobotModel, T: Seconds
+        self,
+        published: Published,
+        missed: Cycles,
+        q_range: tuple[JointPositions, JointPositions],
+        T: Seconds,
     ) -> Published:
         """Where the robot is, `missed` cycles after the last reference, as if that was published.
 
@@ -80,7 +83,8 @@ class RobotInterface:
         if self.bridging == 'velocity' or not dq.any():
             ddq = zeros
         ahead = q + T * missed * (dq + T * (missed + 1) / 2.0 * ddq)
-        stopped = np.clip(ahead, np.minimum(model.q_min, q), np.maximum(model.q_max, q))
+        q_min, q_max = q_range
+        stopped = np.clip(ahead, np.minimum(q_min, q), np.maximum(q_max, q))
         dq_ahead = np.where(stopped == ahead, dq + T * missed * ddq, 0.0)
         return Published(stopped, dq_ahead, ddq, command)
 

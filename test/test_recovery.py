@@ -52,7 +52,6 @@ BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 mis
 STALL = 2.0  # [s] for which the robot waits for a command before it counts cycles as missed
 OWN = {
     'sim': {'patience': STALL},
-    'controller': {'restart_after': BRIDGED},
     'planner': {'autostart': True},
 }
 SIDE = np.array(

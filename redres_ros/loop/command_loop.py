@@ -468,9 +468,7 @@ class CommandLoop:
         """
         if self._interface.holds:
             return False
-        model = self._controller.model
-        ahead = self._interface.bridged(published, missed, model, self._controller.T)
-        expected = ahead.q - published.q
+        expected = self._controller.bridged(published, missed).q - published.q
         return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
 
     def _rollback_if_late(self, state_published: Seconds) -> None:
