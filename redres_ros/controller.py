@@ -28,8 +28,9 @@ from redres_ros.types import (
     JointVelocities,
     Seconds,
     TaskVelocity,
+    as_vector,
+    check_finite,
 )
-from redres_ros.types import as_vector, check_finite
 
 if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit

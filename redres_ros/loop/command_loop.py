@@ -33,8 +33,8 @@ from redres_ros.types import (
     Nanoseconds,
     Seconds,
     TaskVelocity,
+    check_finite,
 )
-from redres_ros.types import check_finite
 
 _LITTLE = 0.05  # scaling factor below which a task hardly goes on
 _LONG = 1.0  # [s] after which that is reported

@@ -13,8 +13,15 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.robot_model import RobotState, TickContext
-from redres_ros.types import Cycles, JointPositions, Nanoseconds, Seconds, TaskVelocity, Wrench
-from redres_ros.types import check_finite
+from redres_ros.types import (
+    Cycles,
+    JointPositions,
+    Nanoseconds,
+    Seconds,
+    TaskVelocity,
+    Wrench,
+    check_finite,
+)
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
 
