@@ -18,15 +18,13 @@ MAINTAINER = PACKAGE.find('maintainer')
 FAKE = ['mujoco>=3.10']  # whose mj_fullM takes the data
 # What `redres` needs beyond the library: the fake robot and plots.
 TOOLS = [*FAKE, 'matplotlib>=3.6']
-# What `redres view` and films need.
+# What `redres view` needs.
 VIEW = ['viser>=1.1']
-VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=10.2']
 # What the nodes need beside a robot, and then beside the fake one.
 ROBOT = [
     # ros-rclpy alone would bring a newer ROS than Jazzy
     'ros-jazzy-rclpy[fastrtps]',
     'ros-jazzy-common-interfaces',
-    'mcap>=1.3',
 ]
 ROS = [*TOOLS, *ROBOT]
 # `redres reproduce` filters and integrates with it.
@@ -87,7 +85,6 @@ setup(
         'robot': ROBOT,
         'ros': ROS,
         'view': [*ROS, *VIEW],
-        'video': [*ROS, *VIDEO],
         'paper': PAPER,
         'docs': DOCS,
         'bench': [  # others' inverse kinematics, which benchmarks/ sets beside ours
@@ -102,8 +99,6 @@ setup(
             *DOCS,
             *PAPER,
             *VIEW,
-            *VIDEO,
-            'mcap-ros2-support>=0.5',  # reads what we record
             'playwright>=1.45',  # steers a Chromium that is there
             'pytest>=7.4',
             'pytest-cov>=6.0',

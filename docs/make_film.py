@@ -5,8 +5,9 @@ Run it with: python docs/make_film.py
 
 from pathlib import Path
 
+from film import FilmedMotion, write_film
+
 from redres_ros.paper.runs import MOTIONS, Runs
-from redres_ros.view.film import FilmedMotion, write_film
 
 
 def main() -> None:

@@ -75,7 +75,7 @@ def _skipped_without_package(report: Any) -> Any:
     return report
 
 
-_OPTIONAL = ('imageio_ffmpeg', 'matplotlib', 'mcap', 'mujoco', 'rclpy', 'viser')
+_OPTIONAL = ('matplotlib', 'mujoco', 'rclpy', 'viser')
 _MISSING = re.compile(
     r"No module named '(\w+)|(?:needs|package) (\w+),?(?: which)? is not installed"
 )

@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
-from redres_ros.graph.graph_monitor import Sample, Sampler
+from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import LATCHED, MODE, SESSION

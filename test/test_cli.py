@@ -251,7 +251,7 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         ('watch --domain 1.5', '1.5'),
         (f'watch --namespace {"x" * 121}', 'got 121 characters; expected at most 120'),
         ('check --states 1a', 'expected a topic, such as joint_states'),
-        ('record x.mcap --topics joint_states,', 'expected a topic, such as joint_states'),
+        ('check --states joint_states,', 'expected a topic, such as joint_states'),
     ],
 )
 def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, words, capsys):

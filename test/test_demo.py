@@ -6,8 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,22 +16,17 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import PATIENCE, await_that, is_running
-from mcap.reader import make_reader
+from graph_helpers import PATIENCE, await_that, graph, is_running
 from nightly import NIGHTLY
 
-from redres_ros.cli import main
 from redres_ros.controller import Controller
-from redres_ros.demo.demo import Demo
-from redres_ros.demo.operator import SteeredPlanner
-from redres_ros.demo.outcome import Ending
+from redres_ros.demo.demo import Demo, Ending
 from redres_ros.demo.processes import DemoOptions
+from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.operators import PATIENCE as PATIENCE_WITH_A_GOAL
-from redres_ros.simulation.operators import GoalOperator
 from redres_ros.simulation.recording import columns
 
 pytestmark = pytest.mark.slow
@@ -72,13 +65,7 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
 
 
 def write_task(path: Path, waypoints: np.ndarray, segment_time: float) -> str:
-    """A file for the paper's arm from its start; the path.
-
-    Args:
-        path: Of the file.
-        waypoints: (N, 3) [m].
-        segment_time: From one to the next [s].
-    """
+    """A file for the paper's arm from its start, with waypoints (N, 3) [m]; its path."""
     task = load_task('rectangle')
     content = {
         'robot': task.robot,
@@ -92,9 +79,7 @@ def write_task(path: Path, waypoints: np.ndarray, segment_time: float) -> str:
 
 @pytest.fixture(scope='module')
 def short_task(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A file with a corner from the start of the paper's task: 0.2 m to the side and 0.2 m up, each
-    in 1 s.
-    """
+    """A file with a corner: 0.2 m to the side and 0.2 m up, each in 1 s."""
     corner = np.array([[0.0, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, -0.2, 0.2]])
     path = tmp_path_factory.mktemp('task') / 'short.yaml'
     return write_task(path, load_task('rectangle').waypoints[0] + corner, 1.0)
@@ -104,8 +89,7 @@ def short_task(tmp_path_factory: pytest.TempPathFactory) -> str:
 def lockstep(tmp_path_factory: pytest.TempPathFactory, short_task: str) -> Path:
     """A run in lock-step with an ideal arm."""
     out = tmp_path_factory.mktemp('lockstep')
-    to_mcap = ('--save', str(out / 'run.mcap'))
-    done = demo(out, *IN_LOCKSTEP, '--plant', 'ideal', '--task', short_task, *to_mcap)
+    done = demo(out, *IN_LOCKSTEP, '--plant', 'ideal', '--task', short_task)
     assert done.returncode == 0, done.stdout + done.stderr
     return out
 
@@ -129,7 +113,7 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
 
 @pytest.mark.nightly
 def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> None:
-    done = demo(tmp_path, *IN_LOCKSTEP, '--task', 'wipe', '--save', str(tmp_path / 'run.mcap'))
+    done = demo(tmp_path, *IN_LOCKSTEP, '--task', 'wipe')
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / 'contact.png').stat().st_size > 0
     assert 'pressing with 20' in ' '.join(done.stdout.split())
@@ -143,53 +127,26 @@ def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> N
 def test_lockstep_commands_every_state_and_records_every_command(lockstep: Path) -> None:
     rows = motion(lockstep)
     np.testing.assert_allclose(rows[:, 0], PERIOD * np.arange(len(rows)), atol=1e-9)
-    cycles = summary(lockstep)['cycles']
-    assert cycles == {
-        'in_time': len(rows),
-        'waited_for': 0,
-        'late': 0,
-        'missed': 0,
-        'stood_still': 0.0,
-    }
+    counts = {'in_time': len(rows), 'waited_for': 0, 'late': 0, 'missed': 0, 'stood_still': 0.0}
+    assert summary(lockstep)['cycles'] == counts
 
 
-def test_the_messages_of_a_run_are_in_its_file(lockstep: Path) -> None:
-    with (lockstep / 'run.mcap').open('rb') as stream:
-        count = Counter(channel.topic for _, channel, _ in make_reader(stream).iter_messages())
-        stream.seek(0)
-        attached = {
-            each.name: each.data.decode() for each in make_reader(stream).iter_attachments()
-        }
-    rows = len(motion(lockstep))
-    assert count['/joint_states'] >= rows and count['/joint_command'] >= rows
-    assert count['/controller/joint_velocity_norm'] == count['/joint_command']
-    assert count['/robot_description'] == 1 and count['/planner/state'] >= 2
-    assert '<robot' in attached['robot_description.urdf']
-    parameters = yaml.safe_load(attached['parameters.yaml'])
-    assert set(parameters) == {'/sim', '/controller', '/planner'}
-    assert parameters['/controller']['ros__parameters']['law'] == 'minimum_acceleration'
-
-
+@pytest.mark.parametrize(
+    'plant', ['ideal', pytest.param('mujoco', marks=pytest.mark.nightly, id='physics')]
+)
 def test_lockstep_is_the_same_to_the_last_bit_in_three_processes_and_in_one(
-    tmp_path: Path, lockstep: Path, short_task: str
+    tmp_path: Path, lockstep: Path, short_task: str, plant: str
 ) -> None:
     """And so every time: nothing depends on who runs when."""
-    options = ('--plant', 'ideal', '--task', short_task, '--composed')
-    done = demo(tmp_path, *IN_LOCKSTEP, *options)
+    three = lockstep
+    options = ('--task', short_task, '--plant', plant)
+    if plant != 'ideal':
+        three = tmp_path / 'three'
+        assert demo(three, *IN_LOCKSTEP, *options).returncode == 0
+    done = demo(tmp_path / 'one', *IN_LOCKSTEP, *options, '--composed')
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / 'composed.log').exists()
-    assert not (tmp_path / 'controller.log').exists()
-    np.testing.assert_array_equal(motion(lockstep), motion(tmp_path))
-
-
-@pytest.mark.nightly
-def test_lockstep_with_physics_is_the_same_to_the_last_bit_in_three_processes_and_in_one(
-    tmp_path: Path, short_task: str
-) -> None:
-    for name, options in (('three', ()), ('one', ('--composed',))):
-        done = demo(tmp_path / name, *IN_LOCKSTEP, '--task', short_task, *options)
-        assert done.returncode == 0, done.stdout + done.stderr
-    np.testing.assert_array_equal(motion(tmp_path / 'three'), motion(tmp_path / 'one'))
+    assert (tmp_path / 'one/composed.log').exists()
+    np.testing.assert_array_equal(motion(three), motion(tmp_path / 'one'))
 
 
 POINTS = 4 if NIGHTLY else 3  # of the paper's task, in real time
@@ -212,7 +169,8 @@ def real_time(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 @pytest.mark.realtime
 def test_the_task_is_finished_in_real_time(real_time: tuple[Path, str]) -> None:
     out, _ = real_time
-    end = motion(out)[-1, [columns(7).index(name) for name in 'xyz']]
+    rows = motion(out)
+    end = rows[-1, [columns(7).index(name) for name in 'xyz']]
     assert np.linalg.norm(end - load_task('rectangle').waypoints[POINTS - 1]) < 0.001
     figures = summary(out)
     assert (figures['task'], figures['stop_reason']) == ('finished', '')
@@ -220,13 +178,7 @@ def test_the_task_is_finished_in_real_time(real_time: tuple[Path, str]) -> None:
     assert figures['motion']['final_error'] < 0.001
     assert (out / 'motion.png').read_bytes().startswith(b'\x89PNG')
     assert not (out / 'contact.png').exists()  # nothing was touched
-
-
-@pytest.mark.realtime
-def test_the_summary_explains_every_cycle(real_time: tuple[Path, str]) -> None:
-    out, _ = real_time
-    rows = motion(out)
-    cycles = summary(out)['cycles']
+    cycles = figures['cycles']
     returned = cycles['in_time'] + cycles['waited_for'] + cycles['late']
     # A state that got no command has no row, and neither has one whose command got lost.
     assert returned <= len(rows) <= returned + cycles['missed']
@@ -309,17 +261,22 @@ def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(
     assert motion(tmp_path)[-1, 0] > 1.9 * endurance['rounds']
 
 
+def running(out: Path, *arguments: str) -> tuple[subprocess.Popen[str], list[int]]:
+    """A demo whose task is under way, and the numbers of its nodes' processes."""
+    with graph(lambda: GraphMonitor('test')) as (node, _):
+        process = subprocess.Popen(
+            [*command(out), '--domain', os.environ['ROS_DOMAIN_ID'], *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        await_that(lambda: node.progress() > 0.01, 'the task')
+    return process, descendants(process.pid)
+
+
 def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        command(tmp_path),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    recording = tmp_path / 'planner.part.mcap'  # which grows as soon as the task is under way
-    await_that(lambda: recording.exists() and recording.stat().st_size > 20_000, 'the task')
-    children = descendants(process.pid)
+    process, children = running(tmp_path)
     assert len(children) >= 3
     os.killpg(process.pid, signal.SIGINT)
     printed, errors = process.communicate(timeout=PATIENCE)
@@ -330,35 +287,26 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
     assert f'{summary(tmp_path)["motion"]["segments"]} in' in printed
     assert len(motion(tmp_path)) > 10
     assert not (tmp_path / 'motion.png').exists()  # nobody waits for a picture
-    assert not recording.exists()
 
 
-def test_who_is_interrupted_before_the_nodes_say_anything_gets_no_motion(tmp_path: Path) -> None:
+def test_a_run_that_is_interrupted_before_the_nodes_publish_has_no_motion(tmp_path: Path) -> None:
     name = 'rectangle'
     model = RobotModel.named('lwr4_paper')
     options = DemoOptions(name, 'minimum_velocity', 500.0)
     early = Demo(options, load_task(name), model, make_law, tmp_path)
-    (tmp_path / 'planner.part.mcap').touch()
     outcome = early.outcome(Ending(None, interrupted=True))
     assert outcome.motion is None and outcome.interrupted
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.nightly
 def test_sigterm_ends_the_demo_quietly_at_any_time(tmp_path: Path) -> None:
     for patience in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0) if NIGHTLY else (0.0,):
-        out = tmp_path / f'after_{patience:g}'
-        process = subprocess.Popen(
-            [*command(out), '--composed', '--lockstep', '--task', 'side_to_side'],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        path = out / 'composed.part.mcap'
-        await_that(lambda path=path: path.exists() and path.stat().st_size > 20_000, 'the task')
-        children = descendants(process.pid)
-        time.sleep(patience)
-        process.terminate()
+        options = ('--composed', '--lockstep', '--task', 'side_to_side')
+        process, children = running(tmp_path / f'after_{patience:g}', *options)
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            process.terminate()
         _, errors = process.communicate(timeout=PATIENCE)
         # 0: it was over before; 143: while it drew; by the signal: Python was on its way out
         assert process.returncode in (0, 130, 143, -signal.SIGTERM)
@@ -378,39 +326,11 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_what_shows_when_the_graph_starts_gets_one_line_too(tmp_path: Path) -> None:
+def test_an_error_that_shows_when_the_graph_starts_is_one_line_too(tmp_path: Path) -> None:
     done = demo(tmp_path, '--composed', '--period', '0.0033')
     assert done.returncode == 1
     [line] = filter(str.strip, done.stderr.splitlines())
     assert '3.3' in line and 'plant steps' in line  # refused by the sim
-
-
-@pytest.mark.nightly
-def test_an_operator_steers_an_arm_to_goals(tmp_path: Path) -> None:
-    run_of = ('--robot', 'fr3', '--teleop', '--duration', '15', '--period', f'{PERIOD:g}')
-    done = demo(tmp_path, *run_of, timeout=400.0)
-    assert done.returncode == 0, done.stderr
-    assert summary(tmp_path)['goals']['reached'] > 0
-    assert 'reached' in done.stdout
-
-
-def test_an_operator_steers_for_its_time_though_the_clock_of_the_task_stands_still() -> None:
-    model = RobotModel.named('fr3')
-    operator = GoalOperator(model, PERIOD, 0)
-    planner = SteeredPlanner(operator, PATIENCE_WITH_A_GOAL + 1.0)
-    x, R = model.tip(np.array(model.arm.start))
-    references = [planner.reference(x, 0.0, R) for _ in range(round(planner.duration / PERIOD))]
-    assert [reference.finished for reference in references].index(True) == len(references) - 1
-    assert {reference.segment for reference in references} == {1, 2}  # the first was given up
-    assert operator.given_up == 1
-
-
-@pytest.mark.parametrize('other', ['--lockstep', '--composed', '--task=rectangle'])
-def test_options_that_an_operator_has_no_use_for_are_refused(
-    other: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['demo', '--teleop', other, '--out', str(tmp_path)]) != 0
-    assert f'--teleop and {other.partition("=")[0]}' in capsys.readouterr().err
 
 
 def test_without_rclpy_the_demo_names_the_missing_package(tmp_path: Path) -> None:

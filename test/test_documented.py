@@ -33,7 +33,7 @@ _BLOCK = re.compile(
 _STATUS = re.compile(r'exit status (\d)')
 _EXAMPLE = re.compile(r'python3? examples/(\w+)\.py')  # all of them are run by test_examples
 # Commands that take long, or wait for somebody: other tests run them. Here their options are read.
-_ELSEWHERE = ('check', 'demo', 'reproduce', 'teleop', 'watch')
+_ELSEWHERE = ('check', 'demo', 'reproduce', 'watch')
 _QUICKER = {'simulate': ('--period', '0.01'), 'compare': ('--period', '0.01')}
 
 

@@ -157,10 +157,10 @@ def test_a_remedy_names_the_bare_package_where_ros_has_installed_this_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
-    assert remedy('video', 'imageio_ffmpeg') == "pip install 'redres_ros[video]'"
+    assert remedy('view', 'viser') == "pip install 'redres_ros[view]'"
     marker = tmp_path / 'share/ament_index/resource_index/packages/redres_ros'
     marker.parent.mkdir(parents=True)
     marker.touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    assert remedy('video', 'imageio_ffmpeg') == 'pip install imageio-ffmpeg'
+    assert remedy('bench', 'pink') == 'pip install pin-pink'
     assert remedy('ros', 'pinocchio') == 'rosdep install --from-paths src --ignore-src'

@@ -26,9 +26,9 @@ from std_msgs.msg import Float64MultiArray, Int32
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
 from redres_ros.errors import ArrayError
-from redres_ros.graph import live_arm
+from redres_ros.graph import monitor as monitoring
 from redres_ros.graph.client import CallError
-from redres_ros.graph.graph_monitor import WORDS, GraphMonitor, Sampler
+from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, Sampler
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.controller_telemetry import (
@@ -43,11 +43,11 @@ from redres_ros.robots import ARMS
 from redres_ros.robots.kinematics import BASE
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
-from redres_ros.view import origin_check, panel
-from redres_ros.view.controls import Bindings, credible
+from redres_ros.view import panel
+from redres_ros.view import server as serving
+from redres_ros.view.controls import Bindings
 from redres_ros.view.panel import Plots
-from redres_ros.view.saved import write_page
-from redres_ros.view.scene import shapes_of
+from redres_ros.view.scene import shapes_of, write_page
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -56,13 +56,13 @@ BROWSER_PATIENCE = 100.0  # [s]; it draws without a graphics card
 CHROMIUM = ('/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome')
 
 
-# --- the gate -------------------------------------------------------------------------------------
+# --- who may load it ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:8080'])
 def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
-    assert not origin_check.refusal([host], [], PORT, steers=False)
-    assert not origin_check.refusal([host], [f'http://{host}'], PORT, steers=True)
+    assert not serving.refusal([host], [], PORT, steers=False)
+    assert not serving.refusal([host], [f'http://{host}'], PORT, steers=True)
 
 
 @pytest.mark.parametrize(
@@ -82,14 +82,14 @@ def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
     ],
 )
 def test_everybody_else_is_refused(hosts: list[str], origins: list[str], steers: bool) -> None:
-    assert origin_check.refusal(hosts, origins, PORT, steers=steers)
+    assert serving.refusal(hosts, origins, PORT, steers=steers)
 
 
 @pytest.fixture(scope='module')
 def server() -> Iterator[Any]:
-    server = origin_check.open_server(0, 'test')
+    server = serving.open_server(0, 'test')
     yield server
-    origin_check.close_server(server)
+    serving.close_server(server)
 
 
 def ask(server: Any, **headers: str) -> Any:
@@ -135,9 +135,9 @@ def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
 
 
 def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(origin_check, '_judging', lambda respond: respond)
-    with pytest.raises(origin_check.OriginError, match='requests from elsewhere'):
-        origin_check.open_server(0, 'test')
+    monkeypatch.setattr(serving, '_checked', lambda respond, with_script: respond)
+    with pytest.raises(serving.OriginError, match='requests from elsewhere'):
+        serving.open_server(0, 'test')
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -161,14 +161,13 @@ def test_every_shape_of_an_arm_stands_where_its_link_is(name: str) -> None:
     model = RobotModel.named(name)
     kinematics = model.arm.kinematics()
     q = np.linspace(-0.5, 0.5, model.n)
-    shapes = shapes_of(model.arm)
-    assert {shape.joint for shape in shapes} >= set(range(model.n - 1))
-    for shape in shapes:
-        if shape.joint != BASE:
-            position, R = model.pose(q, kinematics.joints[shape.joint].link)
-            place = position + R @ shape.pose[:3, 3]
+    shapes = {shape.parentJoint - 1: shape for shape in shapes_of(model.arm)}
+    assert shapes.keys() >= set(range(model.n - 1))
+    for joint, shape in shapes.items():
+        if joint != BASE:
+            position, R = model.pose(q, kinematics.joints[joint].link)
+            place = position + R @ shape.placement.translation
             assert np.linalg.norm(place) < 2.0 * model.reach
-            assert all(size > 0.0 for size in shape.size)
 
 
 @pytest.fixture(scope='module')
@@ -197,7 +196,7 @@ def values_of(node: Node) -> dict[str, Any]:
 def test_the_page_has_the_arm_that_the_controller_has() -> None:
     with graph(ControllerNode) as (node, _):
         monitor = GraphMonitor('test')
-        arm = live_arm.LiveArm(monitor, values_of(node))
+        arm = LiveArm(monitor, values_of(node))
         assert arm.model.arm == node._controller.model.arm
         monitor.destroy_node()
 
@@ -249,10 +248,10 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
 def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
     motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_arm, '_SILENCE', 0.2)
+    monkeypatch.setattr(monitoring, '_SILENCE', 0.2)
     with graph(ControllerNode) as (node, _):
         monitor = GraphMonitor('test')
-        arm = live_arm.LiveArm(monitor, values_of(node))
+        arm = LiveArm(monitor, values_of(node))
         states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
         snapshots = node.create_publisher(
             Float64MultiArray, controller_telemetry.TOPIC, QoSProfile(depth=1)
@@ -274,8 +273,9 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
 
 def test_changes_that_cannot_be_are_passed_over() -> None:
     known = {'law': 'minimum_velocity', 'damping': 10.0, 'limits': ['position']}
-    reported = {'law': 5, 'damping': 'x', 'limits': ['velocity'], 'unknown': 1}
-    assert credible(reported, known) == {'limits': ['velocity']}
+    bindings = Bindings(SimpleNamespace(), {'controller': known})
+    bindings.show('controller', {'law': 5, 'damping': 'x', 'limits': ['velocity'], 'unknown': 1})
+    assert bindings.values['controller'] == {**known, 'limits': ['velocity']}
 
 
 def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
@@ -361,7 +361,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         for name in ('controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
-        start('view.serve', log, port=18280, patience=100.0)
+        start('view.page', log, port=18280, patience=100.0)
         await_that(lambda: node.word(SESSION) == 'CMD', 'command mode')
         await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()

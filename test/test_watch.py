@@ -5,11 +5,14 @@ import subprocess
 import sys
 
 import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
 from rich.console import Console
 
 from redres_ros.cli import main
-from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
-from redres_ros.graph.watch_page import JointBar, line, page
+from redres_ros.graph.monitor import STALE, LastValue, NodeHealth
+from redres_ros.graph.watch import JointBar, line, page
 
 FULL = {
     'sim': LastValue(NodeHealth('in command', True), 100.0),
@@ -145,7 +148,6 @@ def test_a_setting_without_name_or_value_is_refused(
 
 @pytest.mark.slow
 def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.nodes.discovery import own_domain
 
     streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
@@ -159,7 +161,6 @@ def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
 
 @pytest.mark.slow
 def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess
     from redres_ros.nodes.discovery import own_domain
 

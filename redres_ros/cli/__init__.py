@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Modules of this package, in the order of `redres --help`.
-_COMMANDS = 'demo simulate compare reproduce laws view watch record check teleop'
+_COMMANDS = 'demo simulate compare reproduce laws view watch check'
 _PLUGIN = '--plugin'
 _BEGINNING = """\
 redres moves an arm that has more joints than its task needs. Try first:

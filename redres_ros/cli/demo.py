@@ -4,7 +4,6 @@ import argparse
 import os
 import signal
 import textwrap
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -17,9 +16,8 @@ if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
 
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
-_TELEOP = 60.0  # [s] for which an operator steers
 _WIDTH = 100  # columns of what is said in sentences
-_LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'operator', 'composed')]
+_LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'composed')]
 
 
 def add(commands: Any) -> None:
@@ -31,10 +29,9 @@ def add(commands: Any) -> None:
         '--law minimum_velocity --limits none  # the robot stops it',
         '--switch minimum_weighted_torque@6.5  # another law during the motion',
         '--robot my_arm.urdf --tip tool0  # your arm',
-        '--robot fr3 --teleop  # an operator steers it to goals',
         '--task wipe  # press on a table, slide, lift, while the elbow is pushed',
         '--view  # steer it in a browser',
-        '--save motion.mp4 motion.html  # a film, and a page that replays the motion',
+        '--save motion.html  # a page that replays the motion',
     )
     add_motion(demo, limits=DEMO_LIMITS)
     _add_run(demo.add_argument_group('run'))
@@ -47,10 +44,6 @@ def _add_run(group: Any) -> None:
     plant = 'physics, or an ideal arm that follows every command exactly'
     lockstep = 'as fast as possible and deterministic, instead of in real time'
     duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
-    teleop = (
-        'a simulated operator, who does not see the joints, steers the tip to goals for '
-        f'--duration, by default {_TELEOP:g} s'
-    )
     domain = 'ROS domain; default: one that is free on this machine'
     switch = 'switch the law during the motion; may be repeated'
     option(group, '--period', 'S', 'sampling time T [s]', 0.002)
@@ -59,31 +52,28 @@ def _add_run(group: Any) -> None:
     group.add_argument('--lockstep', action='store_true', help=lockstep)
     group.add_argument('--composed', action='store_true', help='the three nodes in one process')
     option(group, '--duration', 'S', duration, 0.0, within=DURATIONS)
-    group.add_argument('--teleop', action='store_true', help=teleop)
     option(group, '--domain', 'ID', domain, type=int)
 
 
 def _add_results(parser: Any) -> None:
     """Display and files of the run."""
     view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
-    save = (
-        'by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in any '
-        'browser (.html), or all messages of the nodes (.mcap); several are allowed'
-    )
+    save = 'a page that replays the motion in any browser'
     shown = parser.add_argument_group('display')
     shown.add_argument('--view', action='store_true', help=view)
     files = parser.add_argument_group('files')
     add_out(files, 'redres_demo', 'plot, data and logs')
-    option(files, '--save', 'FILE', save, type=Path, nargs='+', action='extend')
+    option(files, '--save', 'FILE.html', save, type=Path)
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from redres_ros.cli.demo_results import after, before, check_files, write_results
+    from redres_ros.cli.demo_results import after, before, check_page, write_results
     from redres_ros.files.signals import handle, handled
     from redres_ros.nodes.discovery import own_domain
     from redres_ros.simulation.report import progress_bar
 
-    check_files(options.save or ())
+    if options.save is not None:
+        check_page(options.save)
     demo = _make_demo(options)
     handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps the results
     with (
@@ -98,7 +88,7 @@ def _demo(options: argparse.Namespace) -> int:
     if ending.interrupted:
         print(f'ended; results go to {options.out}, unless Ctrl-C comes again', flush=True)
     # No process is left to end, and a library would turn the exception into another error.
-    with handled(partial(_end_at_once, demo), signal.SIGINT, signal.SIGTERM):
+    with handled(_end_at_once, signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)
         write_results(outcome, demo, options)
         _say(after(outcome, demo.options, demo.task.robot))
@@ -110,20 +100,14 @@ def _demo(options: argparse.Namespace) -> int:
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
-    from redres_ros.cli.demo_results import recording_in
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.processes import DemoOptions
 
-    for name in ('task', 'lockstep', 'composed'):  # of no use to an operator
-        if options.teleop and getattr(options, name):
-            raise OptionError(f'--teleop and --{name}; expected one of them')
-    repeats = options.duration and not options.teleop
-    motion = find_motion(options, 'side_to_side' if repeats else 'rectangle')
+    motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
     switches = tuple(map(_switch, options.switch or ()))
     check_gains(options, in_use(options, options.law, *(name for name, _ in switches)))
-    task_space = {'task_space': 'pose'} if options.teleop else {}
     wanted = DemoOptions(
         motion.name,
         options.law,
@@ -132,11 +116,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         switches,
         options.lockstep,
         options.composed,
-        options.duration if repeats else 0.0,
-        (options.duration or _TELEOP) if options.teleop else 0.0,
+        options.duration,
         _page_parameters(options) if options.view else None,
-        recording_in(options.save or ()),
-        {'plant': options.plant, **node_parameters(options, motion), **task_space},
+        {'plant': options.plant, **node_parameters(options, motion)},
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
     demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law), out)
@@ -170,9 +152,8 @@ def _say(text: str) -> None:
         print(textwrap.fill(text, _WIDTH), flush=True)
 
 
-def _end_at_once(demo: 'Demo', number: int, _: object) -> NoReturn:
+def _end_at_once(number: int, _: object) -> NoReturn:
     """End the process at a signal, in place of an exception."""
-    demo.remove_recordings()
     os._exit(128 + number)
 
 

@@ -1,7 +1,6 @@
 """What `redres demo` prints before and after a run, and the files that it writes."""
 
 import argparse
-from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,14 +10,11 @@ from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
-    from redres_ros.demo.figures import MotionFigures
-    from redres_ros.demo.outcome import Outcome
+    from redres_ros.demo.outcome import MotionFigures, Outcome
     from redres_ros.demo.processes import DemoOptions
     from redres_ros.robot_model import RobotModel
 
 _PAGE = '.html'
-_MESSAGES = '.mcap'
-_FILMS = {'.mp4': 'imageio_ffmpeg', '.webp': 'PIL', '.gif': 'PIL'}  # and what writes them
 
 
 def before(options: 'DemoOptions', model: 'RobotModel') -> str:
@@ -30,13 +26,6 @@ def before(options: 'DemoOptions', model: 'RobotModel') -> str:
     """
     joints = len(model.joint_names)
     nodes = 'three ROS 2 nodes in one process' if options.composed else 'three ROS 2 nodes'
-    if options.teleop:
-        return (
-            f'A simulated operator steers the tip of an arm with {joints} joints to goals, for '
-            f'{options.teleop:g} s, by {nodes} at {options.rate:g} Hz. The operator knows nothing '
-            'of the joints. Where limits act, translation and rotation are scaled separately, so '
-            'that the arm seldom stops.'
-        )
     matter = 'this choice decides how smoothly the arm moves'
     if options.task == 'rectangle':  # a task of the paper's arm
         matter = (
@@ -81,12 +70,6 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
     if not outcome.succeeded:
         return ''
     acceleration, at = outcome.motion.acceleration
-    if outcome.goals:
-        return (
-            f'The operator reached {outcome.goals.reached} goals and gave up '
-            f'{outcome.goals.given_up}. For comparison: --scaling task scales all of a task '
-            'velocity by one factor, and the arm stops far more often.'
-        )
     text = (
         f'The arm finished the task, {_how_well(outcome, outcome.motion)}. '
         f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
@@ -109,27 +92,15 @@ def _how_well(outcome: 'Outcome', motion: 'MotionFigures') -> str:
     return f'at most {1e3 * motion.path_deviation[0]:.1f} mm off its path'
 
 
-def check_files(paths: Iterable[Path]) -> None:
-    """Make the folders of files; refuse those that could not be written at the end, or whose
-    libraries are missing.
+def check_page(path: Path) -> None:
+    """Refuse a page that could not be written at the end, or without what makes it.
 
     Raises OptionError, FileError or ImportError.
     """
-    libraries = {**_FILMS, _PAGE: 'viser', _MESSAGES: 'mcap'}
-    for path in paths:
-        if path.suffix not in libraries:
-            endings = ', '.join(libraries)
-            raise OptionError(f'--save {path}; expected a name that ends in one of {endings}')
-        import_module(libraries[path.suffix])
-        prepare(path)
-
-
-def recording_in(paths: Iterable[Path]) -> Path | None:
-    """The file among these that takes all messages. Raises OptionError for a second one."""
-    wanted = [path for path in paths if path.suffix == _MESSAGES]
-    if len(wanted) > 1:
-        raise OptionError(f'--save {wanted[1]}; the messages go to {wanted[0]} already')
-    return wanted[0] if wanted else None
+    if path.suffix != _PAGE:
+        raise OptionError(f'--save {path}; expected a name that ends in {_PAGE}')
+    import_module('viser')
+    prepare(path)
 
 
 def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
@@ -158,27 +129,13 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
             print(f'plot {picture}')
             _draw_forces(outcome, demo, out / 'contact.png')
         print(f'data {out}/motion.csv')
-        for path in options.save or ():
-            _save(outcome, demo, path)
+        if options.save is not None:
+            from redres_ros.view.scene import write_page
+
+            write_page(outcome.recording, demo.model, demo.task, demo.title, options.save)
+            print(f'page {options.save}')
     else:
         print('no plot and no data: the task did not begin')
-
-
-def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """Write a requested file; that of the messages exists already."""
-    kind = 'messages'
-    if path.suffix in _FILMS:
-        from redres_ros.view.film import FilmedMotion, write_film
-
-        filmed = FilmedMotion(outcome.recording, demo.title, demo.options.law)
-        write_film([filmed], demo.model, demo.task, path)
-        kind = 'film'
-    elif path.suffix == _PAGE:
-        from redres_ros.view.saved import write_page
-
-        write_page(outcome.recording, demo.model, demo.task, demo.title, path)
-        kind = 'page'
-    print(f'{kind} {path}')
 
 
 def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
@@ -201,7 +158,7 @@ def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     from redres_ros.simulation.plots import Remarks, draw_motion
 
     beside = {}
-    if not outcome.endurance and not outcome.goals:
+    if not outcome.endurance:
         laws = ['minimum_velocity', 'minimum_acceleration']
         other = next(law for law in laws if law != demo.options.law)
         controller = Controller(demo.model, demo.law(other), outcome.recording.T)

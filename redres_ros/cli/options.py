@@ -85,7 +85,7 @@ def _add_limits(group: Any, default: str) -> None:
     scale = 'fraction of the velocity and acceleration limits to use'
     scaling = (
         'what limits scale: the task velocity as a whole, or translation and rotation separately, '
-        'as an operator prefers; default: task, with --teleop components'
+        'as an operator prefers'
     )
     option(group, '--limits', 'A,B,...', limits, default)
     option(group, '--limit-scale', 'X', scale, 1.0)

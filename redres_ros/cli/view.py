@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
 
 def _view(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
-    from redres_ros.view.serve import main
+    from redres_ros.view.page import main
 
     words = ['--ros-args', '-p', f'port:={options.port}']
     if options.namespace:

@@ -1,48 +1,43 @@
 """`redres demo`: the three nodes as processes, a task from start to end, and its results."""
 
-import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import JointState
 
-from redres_ros.demo.cycles import count_cycles
-from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures
-from redres_ros.demo.log import FINISHED, read_log
-from redres_ros.demo.outcome import Ending, Outcome, replay
+from redres_ros.demo.observation import Log, count_cycles, replay
+from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
 from redres_ros.demo.processes import DemoOptions, NodeGroup
 from redres_ros.errors import RedresError
 from redres_ros.graph.client import CallError
-from redres_ros.graph.graph_monitor import GraphMonitor
-from redres_ros.graph.mcap_file import McapFile, merge, read_messages
+from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import Law
 from redres_ros.loop.session import COMMANDING
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.topics import LATCHED, NEWEST, REASON, SESSION, TASK_BEGUN, TASK_STATE
-from redres_ros.nodes.wire import stamp_of, to_nanoseconds
+from redres_ros.nodes.topics import LATCHED, REASON, SESSION, TASK_BEGUN, TASK_STATE
+from redres_ros.nodes.wire import to_nanoseconds
 from redres_ros.parameter import check_parameters
-from redres_ros.planning.task_executor import UNDER_WAY
-from redres_ros.planning.waypoints import NODES, TaskEvent, WaypointTask
+from redres_ros.planning.task_executor import UNDER_WAY, TaskState
+from redres_ros.planning.waypoints import TaskEvent, WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
-from redres_ros.simulation.operators import task_of_goals
 
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
 START_PATIENCE = 120.0
-SILENCE = 10.0  # [s] without a state after which the robot counts as lost
-SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
-_STATES = 'joint_states'
-_UNDER_WAY = [state.value for state in UNDER_WAY]
+_SILENCE = 10.0  # [s] without a state after which the robot counts as lost
+_SETTLING = 0.3  # [s] that the arm is still watched at the last point
+_FINISHED = TaskState.FINISHED.value
 _ASK_AGAIN = 0.5  # [s] after a start that was refused
 _LOOK = 0.02  # [s] between looks at the state
+_DISCOVERY = 0.5  # [s] from which on the nodes know that their telemetry has a subscriber
 _RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
 
 
@@ -50,33 +45,37 @@ class DemoError(RedresError):
     """A run that could not begin, or failed."""
 
 
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: with the figures of a repeated task, by Ctrl-C."""
+
+    endurance: Endurance | None
+    interrupted: bool
+
+
 class _DemoMonitor(GraphMonitor):
-    """Observes a demo's nodes: what they report, and how far the robot's clock is.
+    """Observes a demo's nodes: what they report, and how far the robot's clock is."""
 
-    Attributes:
-        newest: Stamp of the newest state [ns]; 0 before the first.
-        received_at: When it came [s].
-        began: Stamp at which a task began last [ns]; 0 before the first.
-    """
-
-    def __init__(self) -> None:
+    def __init__(self, log: Log) -> None:
         super().__init__('demo', patience=_RESPONSE)
-        self.newest = 0
-        self.received_at = time.monotonic()
-        self.began = 0
-        self.samples.add(_STATES, JointState, NEWEST)
+        self.log = log
+        self.newest_at = time.monotonic()  # when the newest state came [s]
+        self.began = 0  # stamp at which a task began last [ns]; 0 before the first
+        self.look()
         self.create_subscription(Time, TASK_BEGUN, self._on_begun, LATCHED)
 
     def look(self) -> None:
-        """Record the newest state's stamp."""
-        for sample in self.samples.take(_STATES):
-            self.newest = stamp_of(sample.data)
-            self.received_at = time.monotonic()
+        """Take what has come."""
+        before = self.log.newest
+        self.log.collect(self.samples)
+        if self.log.newest != before:
+            self.newest_at = time.monotonic()
 
     def has_ended(self, since: float) -> bool:
         """Whether a task has ended, finished or given up, since an instant [s]."""
         last = self.values.get(TASK_STATE)
-        return last is not None and last.at > since and last.value not in _UNDER_WAY
+        under_way = [state.value for state in UNDER_WAY]
+        return last is not None and last.at > since and last.value not in under_way
 
     def _on_begun(self, message: Time) -> None:
         self.began = to_nanoseconds(message)
@@ -86,14 +85,14 @@ class Demo:
     """One run of the three nodes in the ROS domain that the environment names.
 
     Args:
-        options: what to run.
-        task: the one that the options name; of an operator only its start counts.
-        model: of the arm that carries it out.
-        law: gives the law of a name, with the gains of the run.
-        out: directory for what the nodes print.
+        options: What to run.
+        task: The one that the options name.
+        model: Of the arm that carries it out.
+        law: Gives the law of a name, with the gains of the run.
+        out: Directory for what the nodes print.
 
     Raises:
-        UnknownNameError, RangeError: a law, damping or rate that the nodes would refuse.
+        UnknownNameError, RangeError: A law, damping or rate that the nodes would refuse.
     """
 
     def __init__(
@@ -113,11 +112,10 @@ class Demo:
         self._T = 1.0 / options.rate
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
-        self._node_group = NodeGroup(options, task, law(options.law), out)
+        self._node_group = NodeGroup(options, task, law(options.law).damping, out)
+        self._log = Log(model.joint_names)
         self._report: Callable[[str], None] = print
         self._page = ''  # where it is served
-        self._first_began = 0  # stamp at which the first task began [ns]
-        self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
     @property
     def title(self) -> str:
@@ -139,50 +137,40 @@ class Demo:
             How it ended; outcome() has the result.
 
         Raises:
-            DemoError, GraphError, CallError: a node does not run, respond, or take a command.
+            DemoError, GraphError, CallError: A node does not run, respond, or take a command.
         """
         self._report = report
-        interrupted = False
         endurance = None
-        last = math.inf
         try:
-            with spun(_DemoMonitor) as monitor, self._node_group.running():
+            with spun(partial(_DemoMonitor, self._log)) as monitor, self._node_group.running():
                 self._await_robot(monitor)
-                if self.options.mcap:
-                    self._node_parameters = {
-                        f'/{name}': monitor.client.parameters(name) for name in NODES
-                    }
                 self._run_task(monitor, progress)
-                self._first_began = monitor.began
                 if self.options.duration:
                     endurance = self._repeat(monitor, progress)
                 if self.options.page is not None:
-                    last = monitor.newest
                     self._stay(monitor)
         except KeyboardInterrupt:
-            interrupted = True
-        except BaseException:
-            self.remove_recordings()  # there is no outcome
-            raise
-        return Ending(endurance, interrupted, last)
+            return Ending(endurance, interrupted=True)
+        return Ending(endurance, interrupted=False)
 
     def _await_robot(self, monitor: _DemoMonitor) -> None:
         until = time.monotonic() + START_PATIENCE
-        while not self._ready(monitor):
+        while not self._is_ready(monitor):
             self._check(monitor)
             if time.monotonic() > until:
                 raise DemoError(
                     f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log'
                 )
             time.sleep(_LOOK)
+        time.sleep(_DISCOVERY)
 
-    def _ready(self, monitor: _DemoMonitor) -> bool:
+    def _is_ready(self, monitor: _DemoMonitor) -> bool:
         """Whether the planner is there and the robot takes commands, or waits in lock-step."""
         if not monitor.count_services('planner/start'):
             return False
         if self.options.lockstep:
             topics = ('joint_command', 'cartesian_velocity')
-            return bool(monitor.newest) and all(map(monitor.count_publishers, topics))
+            return bool(self._log.newest) and all(map(monitor.count_publishers, topics))
         return monitor.word(SESSION) in COMMANDING
 
     def _run_task(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> None:
@@ -191,20 +179,21 @@ class Demo:
         self._start_task(monitor)
         switches = [TaskEvent(t, 'controller', {'law': law}) for law, t in self.options.switches]
         events = sorted((*switches, *self.task.events), key=lambda event: event.at)
-        nominal = self.options.teleop or self.task.segments * self.task.segment_time
+        nominal = self.task.segments * self.task.segment_time
         t = 0.0
         while t < PATIENCE * nominal and not monitor.has_ended(called):
             self._check(monitor)
             if monitor.word(REASON):
                 return
-            t = (monitor.newest - monitor.began) / 1e9
+            t = (self._log.newest - monitor.began) / 1e9
             while events and t >= events[0].at:
                 event = events.pop(0)
                 monitor.client.set_parameters(event.node, dict(event.parameters))
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
-        time.sleep(SETTLING)
-        if monitor.word(TASK_STATE) != FINISHED:
+        time.sleep(_SETTLING)
+        self._check(monitor)
+        if monitor.word(TASK_STATE) != _FINISHED:
             reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
             self._report('; '.join(('the task was not finished', *reasons)))
 
@@ -228,26 +217,27 @@ class Demo:
 
     def _repeat(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
-        before = {node.name: node.memory for node in self._node_group.nodes}
+        before = {node.name: node.memory() for node in self._node_group.nodes}
         duration = self.options.duration
-        begun = self._first_began
+        first = monitor.began
 
         def seconds() -> float:
-            return (monitor.newest - begun) / 1e9
+            return (self._log.newest - first) / 1e9
 
         rounds = 1
-        while monitor.word(TASK_STATE) == FINISHED and seconds() < duration:
+        while monitor.word(TASK_STATE) == _FINISHED and seconds() < duration:
             self._run_task(monitor, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
-        memory = {node.name: (before[node.name], node.memory) for node in self._node_group.nodes}
+        memory = {node.name: (before[node.name], node.memory()) for node in self._node_group.nodes}
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, monitor: _DemoMonitor) -> None:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
+        self._log.close(monitor.samples)
         try:
             # Load the plotting libraries now, not after Ctrl-C.
             import_module('redres_ros.simulation.plots')
-            while self._node_group.is_watched:
+            while self._node_group.page_is_served():
                 self._check(monitor)
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
@@ -257,34 +247,27 @@ class Demo:
         self._node_group.check()
         monitor.look()
         if not self._page:
-            self._page = self._node_group.page
+            self._page = self._node_group.page_address()
             if self._page:
                 self._report(f'page {self._page} (the nodes stay until Ctrl-C)')
-        if monitor.newest and time.monotonic() - monitor.received_at > SILENCE:
-            raise DemoError(f'no state from the robot for {SILENCE:g} s; see {self._out}/*.log')
+        if self._log.newest and time.monotonic() - monitor.newest_at > _SILENCE:
+            raise DemoError(f'no state from the robot for {_SILENCE:g} s; see {self._out}/*.log')
 
     def outcome(self, ending: Ending) -> Outcome:
-        """The outcome of the run, from its recordings, which are removed."""
-        recordings = self._node_group.recordings
-        if self.options.mcap:
-            self._write_mcap(self.options.mcap, recordings)
-        log = read_log(recordings, self.model.joint_names, ending.last)
+        """The outcome of the run."""
+        log = self._log
         pose = self.options.parameters.get('task_space') == 'pose'
         recording = replay(log, self.model, self.law, self._T, pose)
+        _, reason = log.stopped()
         motion = None
         cycles = None
         stamps = log.under_way()
-        if self.options.teleop:
-            self.task = task_of_goals(recording, self.task)
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
             motion = MotionFigures.of(recording, self.task, error)
             period = np.inf if self.options.lockstep else self._T
-            # The robot is in the first process.
-            messages = read_messages(recordings[0])
-            cycles = count_cycles(messages, period, (stamps[0], stamps[-1]))
-        self.remove_recordings()
+            cycles = count_cycles(log, period, stamps[0], stamps[-1])
         forces = [
             ((stamp - stamps[0]) / 1e9, *(self.model.tip(log.states[stamp])[1] @ log.forces[stamp]))
             for stamp in stamps
@@ -294,24 +277,12 @@ class Demo:
             recording,
             motion,
             cycles,
-            stop_reason=log.reason,
-            session=log.session,
+            stop_reason=reason,
+            session=log.words(SESSION),
             planner_missed=len(set(stamps) - log.desired.keys()),
             switches=log.switches(),
             endurance=ending.endurance,
             interrupted=ending.interrupted,
             forces=np.array(forces).reshape(-1, 4),
             desired_force=self.task.nodes.get('controller', {}).get('admittance.force', ()),
-            goals=GoalCounts.of(recording) if self.options.teleop else None,
         )
-
-    def remove_recordings(self) -> None:
-        """Remove the recordings."""
-        self._node_group.remove_recordings()
-
-    def _write_mcap(self, path: Path, recordings: list[Path]) -> None:
-        """Write all that was recorded, with the arm and the nodes' parameters."""
-        with McapFile(path) as file:
-            merge(recordings, file)
-            file.attach_urdf(self.model.arm.description())
-            file.attach_parameters(self._node_parameters)

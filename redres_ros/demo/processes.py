@@ -1,26 +1,24 @@
-"""The processes of a demo, which end with this one, and the recordings that they write."""
+"""The processes of a demo, which end with this one."""
 
 import json
 import math
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from redres_ros.demo.log import JUDGED
 from redres_ros.errors import RedresError
 from redres_ros.files.processes import module_command, module_environment
 from redres_ros.files.signals import handled
-from redres_ros.laws import Law
 from redres_ros.nodes.runtime import PARENT
 from redres_ros.planning.waypoints import WaypointTask
 
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
-_PAGE = 'view.serve'  # module that serves the page
+_PAGE = 'view.page'  # module that serves the page
 _ADDRESS = 'page: '  # how the line begins in which it reports its address
 _LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
@@ -44,9 +42,7 @@ class DemoOptions:
         lockstep: As fast as possible, instead of in real time.
         composed: One process instead of three.
         duration: How long the task is repeated [s]; 0 for once.
-        teleop: How long an operator steers in place of a task [s]; 0 for a task.
         page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
-        mcap: File for all that the nodes publish; None for none.
         parameters: More of them, for every node that has them.
     """
 
@@ -58,9 +54,7 @@ class DemoOptions:
     lockstep: bool = False
     composed: bool = False
     duration: float = 0.0
-    teleop: float = 0.0
     page: Mapping[str, Any] | None = None
-    mcap: Path | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -70,30 +64,17 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: The executable in nodes/, or a module of the package, such as 'view.serve'; its own
+        name: The executable in nodes/, or a module of the package, such as 'view.page'; its own
             options may follow, as in 'composed --no-sim'.
         log: File for what it prints.
         parameters: Parameters of the node.
-        recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
-        topics: Those that are recorded; none: all.
     """
 
-    def __init__(
-        self,
-        name: str,
-        log: Path,
-        parameters: Mapping[str, Any],
-        *,
-        recording: Path | None = None,
-        topics: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, name: str, log: Path, parameters: Mapping[str, Any]) -> None:
         self.name = name
         self._log = log
         node, *own = name.split()
         module = f'redres_ros.{node}' if '.' in node else f'redres_ros.nodes.{node}'
-        if recording:
-            module = 'redres_ros.demo.recorded'
-            own = [name, str(recording), ','.join(topics)]
         arguments = []
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']
@@ -106,13 +87,8 @@ class NodeProcess:
                 start_new_session=True,
                 env={**module_environment(), PARENT: str(os.getpid())},
             )
+        self.pid = self._process.pid
 
-    @property
-    def pid(self) -> int:
-        """Process number."""
-        return self._process.pid
-
-    @property
     def memory(self) -> float:
         """Memory in use, [MB], that is resident; NaN once it has ended."""
         try:
@@ -129,8 +105,8 @@ class NodeProcess:
     def check(self) -> None:
         """Raise GraphError if the process has ended, with the last line that it printed."""
         if self.status is not None:
-            said = self.last_line() or 'it printed nothing'
-            raise GraphError(f'node {self.name} ended with status {self.status}: {said}')
+            printed = self.last_line() or 'it printed nothing'
+            raise GraphError(f'node {self.name} ended with status {self.status}: {printed}')
 
     def last_line(self) -> str:
         """The last line printed so far."""
@@ -162,16 +138,16 @@ class NodeGroup:
     Args:
         options: The options of a run.
         task: The one that the options name.
-        law: Law in force at the start.
-        out: Directory for what they print, and for their recordings.
+        damping: Of the law at the start.
+        out: Directory for what they print.
     """
 
-    def __init__(self, options: DemoOptions, task: WaypointTask, law: Law, out: Path) -> None:
+    def __init__(self, options: DemoOptions, task: WaypointTask, damping: float, out: Path) -> None:
         self.nodes: list[NodeProcess] = []
         self._page: NodeProcess | None = None
         self._options = options
         self._task = task
-        self._law = law
+        self._damping = damping
         self._out = out
 
     @contextmanager
@@ -181,24 +157,20 @@ class NodeGroup:
         They end in the order in which they were started, the sim first: to be left alone by the
         controller would be a fault of its connection.
         """
-        self.remove_recordings()  # those of a run that was killed
-        topics = () if self._options.mcap else JUDGED
         try:
             for name, own in self._processes().items():
-                log = self._out / f'{name}.log'
-                path = self._recording(name)
-                self.nodes.append(NodeProcess(name, log, own, recording=path, topics=topics))
+                self.nodes.append(NodeProcess(name, self._out / f'{name}.log', own))
             if self._options.page is not None:
                 self._page = NodeProcess(_PAGE, self._out / f'{_PAGE}.log', self._options.page)
             yield
         finally:
             # A second signal must not leave a process behind.
             with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
-                pages = [self._page] if self._page else []
-                for page in pages:
-                    page.ask_to_end()
-                for process in (*self.nodes, *pages):
-                    process.end()
+                if self._page:
+                    self._page.ask_to_end()
+                for process in (*self.nodes, self._page):
+                    if process:
+                        process.end()
 
     def check(self) -> None:
         """Raise GraphError if a node has ended, or the page has failed."""
@@ -207,25 +179,13 @@ class NodeGroup:
         if self._page and self._page.status:
             self._page.check()
 
-    @property
-    def is_watched(self) -> bool:
+    def page_is_served(self) -> bool:
         """Whether the page is served."""
         return self._page is not None and self._page.status is None
 
-    @property
-    def page(self) -> str:
+    def page_address(self) -> str:
         """Where the page is served; empty before it is."""
         return self._page.last_line().partition(_ADDRESS)[2] if self._page else ''
-
-    @property
-    def recordings(self) -> list[Path]:
-        """The files that were begun, the robot's first."""
-        return [path for path in map(self._recording, self._processes()) if path.exists()]
-
-    def remove_recordings(self) -> None:
-        """Remove the recordings, which serve the outcome only."""
-        for path in self.recordings:
-            path.unlink(missing_ok=True)
 
     def _processes(self) -> dict[str, dict[str, Any]]:
         """Parameters of each process, by its name."""
@@ -257,16 +217,11 @@ class NodeGroup:
             shared['robot_interface'] = 'sim'
         own: dict[str, dict[str, Any]] = {
             'sim': sim,
-            'controller': {'law': options.law, 'damping': self._law.damping},
+            'controller': {'law': options.law, 'damping': self._damping},
             'planner': {'task': options.task},
         }
-        if options.teleop:
-            own['operator'] = own.pop('planner') | {'duration': options.teleop}
         nodes = self._task.nodes
         return {name: shared | given | dict(nodes.get(name, {})) for name, given in own.items()}
-
-    def _recording(self, name: str) -> Path:
-        return self._out / f'{name}.part.mcap'
 
 
 def _yaml(value: Any) -> str:

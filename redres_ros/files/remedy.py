@@ -7,13 +7,12 @@ import sys
 from pathlib import Path
 
 # Extras that bring a module; all others come with [ros].
-_EXTRAS = {'imageio_ffmpeg': 'video', 'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
+_EXTRAS = {'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
 _FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
 # In package.xml. pip would bring another numpy than the one that the distribution's packages take.
 _BY_ROSDEP = {'matplotlib', 'numba', 'numpy', 'pinocchio', 'rich', 'scipy', 'yaml'}
 _ON_PYPI = {  # where the name of the package is not that of its module or solver
-    'imageio_ffmpeg': 'imageio-ffmpeg',
     'pink': 'pin-pink',
     'proxqp': 'proxsuite',
     'roboplan': 'roboplan-oink',

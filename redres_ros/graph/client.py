@@ -20,12 +20,10 @@ class CallError(RedresError):
     """A service that is missing, does not respond, or refuses."""
 
 
-PATIENCE = 5.0  # [s] for a service to be found, and for its response
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether a response has come
-
-_GRAPH_LOOK = 0.1  # [s] between looks at whether it is there
-_SETTLING = 0.5  # [s] for the rest of it to be discovered
+_GRAPH_LOOK = 0.1  # [s] between looks at whether a node is there
+_SETTLING = 0.5  # [s] for the rest of the graph to be discovered
 _NEEDED = ('controller', 'planner')
 # Clients of these are made while the graph is awaited: a server must have found them before it can
 # respond.
@@ -49,32 +47,23 @@ class GraphClient:
         patience: How long to wait for a service, and for its response [s].
     """
 
-    def __init__(self, node: Node, patience: float = PATIENCE) -> None:
+    def __init__(self, node: Node, patience: float = 5.0) -> None:
         self._node = node
         self._patience = patience
         self._clients: dict[str, Client] = {}
         self._lock = threading.Lock()  # of the clients
 
     def call(self, kind: type, service: str, request: Any) -> Any:
-        """The response of a service.
+        """The response of a service. Raises CallError.
 
         A server drops the response to a client that it has not discovered yet, so the request is
         made again after a second; the services of this package tolerate that.
-
-        Args:
-            kind: Type of the service.
-            service: Its name.
-            request: The request.
-
-        Raises:
-            CallError: No node offers the service, or it does not respond.
         """
         client = self._client(kind, service)
         if not client.wait_for_service(timeout_sec=self._patience):
-            domain = self._node.context.get_domain_id()
             raise CallError(
                 f'no node offers the service {client.srv_name}; '
-                f'is its node running in ROS domain {domain}?'
+                f'is its node running in ROS domain {self._domain()}?'
             )
         until = time.monotonic() + self._patience
         futures: list[Future] = []
@@ -99,15 +88,7 @@ class GraphClient:
         return _message(service, self.call(SetBool, service, SetBool.Request(data=held)))
 
     def set_parameters(self, of: str, values: Mapping[str, Any]) -> None:
-        """Set all of these parameters of another node or none.
-
-        Args:
-            of: Name of the other node.
-            values: Values by parameter name.
-
-        Raises:
-            CallError: The node does not respond, or refuses, with its reason.
-        """
+        """Set all of these parameters of a node or none. Raises CallError."""
         wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=wanted)
         response = self.call(SetParametersAtomically, f'{of}/set_parameters_atomically', request)
@@ -115,19 +96,13 @@ class GraphClient:
             raise CallError(f'{of} refused: {response.result.reason}')
 
     def parameters(self, of: str, names: Sequence[str] = ()) -> dict[str, Any]:
-        """Parameters of another node, arrays as lists.
+        """Parameters of a node, arrays as lists; all that have a value if no names are given.
 
-        Args:
-            of: Name of the other node.
-            names: Names to read; empty: all that have a value.
-
-        Raises:
-            CallError: The node does not respond.
+        Raises CallError.
         """
         wanted = list(names)
         if not wanted:
-            request = ListParameters.Request()
-            listed = self.call(ListParameters, f'{of}/list_parameters', request)
+            listed = self.call(ListParameters, f'{of}/list_parameters', ListParameters.Request())
             wanted = listed.result.names
         request = GetParameters.Request(names=wanted)
         response = self.call(GetParameters, f'{of}/get_parameters', request)
@@ -135,7 +110,7 @@ class GraphClient:
         for name, parameter in zip(wanted, response.values, strict=True):
             value = parameter_value_to_python(parameter)
             is_plain = value is None or isinstance(value, (bool, int, float, str))
-            read[name] = value if is_plain else list(value)  # YAML can hold a list
+            read[name] = value if is_plain else list(value)
         return {name: value for name, value in read.items() if names or value is not None}
 
     def offers(self, of: str) -> bool:
@@ -146,21 +121,15 @@ class GraphClient:
     def await_nodes(self, stopped: threading.Event, patience: float) -> bool:
         """Wait until controller and planner are there; False if that was stopped first.
 
-        Args:
-            stopped: Ends the waiting.
-            patience: How long [s].
-
-        Raises:
-            CallError: It has not appeared.
+        Raises CallError if they have not appeared in that time [s].
         """
         for service, kind in _STEERED.items():
             self._client(kind, service)
         until = time.monotonic() + patience
         while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
-                domain = self._node.context.get_domain_id()
                 raise CallError(
-                    f'no {" and no ".join(missing)} in ROS domain {domain}; '
+                    f'no {" and no ".join(missing)} in ROS domain {self._domain()}; '
                     'start them, for example with `redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )
@@ -173,6 +142,9 @@ class GraphClient:
             if service not in self._clients:
                 self._clients[service] = self._node.create_client(kind, service)
             return self._clients[service]
+
+    def _domain(self) -> int:
+        return int(self._node.context.get_domain_id())
 
 
 def _first(futures: Sequence[Future], until: float) -> Any:

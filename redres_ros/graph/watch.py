@@ -1,27 +1,79 @@
 """`redres watch`: the live state of the nodes in a terminal."""
 
+import math
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
-from rich.console import Console, RenderableType
+from rich import box
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.command import VALUES
 from redres_ros.errors import RedresError
-from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
-from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.watch_page import NODES, JointBar, line, page
-from redres_ros.nodes.topics import ACTIVE_LIMITS
+from redres_ros.graph.monitor import STALE, WORDS, GraphMonitor, LastValue, LiveArm, NodeHealth
+from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SESSION, TASK_STATE
+from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]
+_BAR = 33  # letters of a joint's bar
+_NEAR = 0.06  # of the range, from an end
 
 _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
 _TYPES = {_LAW: String, ACTIVE_LIMITS: String, 'planner/segment': Int32}  # all others: Float64
+
+
+class _Row(NamedTuple):
+    """A line of the page; `in_line`: also in the line for a pipe."""
+
+    topic: str
+    label: str
+    unit: str = ''
+    factor: float = 1.0
+    in_line: bool = False
+
+
+_ROWS: dict[str, tuple[_Row, ...]] = {
+    'sim': (
+        _Row(SESSION, 'session', in_line=True),
+        _Row(QUALITY, 'connection'),
+        _Row(REASON, 'stop reason', in_line=True),
+    ),
+    'planner': (
+        _Row(TASK_STATE, 'state', in_line=True),
+        _Row(PROGRESS, 'progress', '%', 100.0, in_line=True),
+        _Row('planner/segment', 'segment'),
+        _Row('planner/task_error', 'task error', 'mm', 1e3, in_line=True),
+    ),
+    'controller': (
+        _Row(_LAW, 'law', in_line=True),
+        _Row(_TIP, 'tip', 'm'),
+        _Row('controller/task_scaling', 'task scaling s', '%', 100.0),
+        _Row(ACTIVE_LIMITS, 'limited by', in_line=True),
+        _Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s', in_line=True),
+        _Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
+        _Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),
+        _Row('controller/joint_torque_norm', 'joint torque, norm', 'Nm'),
+        _Row('controller/min_singular_value', 'smallest singular value'),
+    ),
+}
+
+
+class JointBar(NamedTuple):
+    """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
+
+    name: str
+    fraction: float
+    position: float
+    limits: Sequence[str]
 
 
 class Watch(GraphMonitor):
@@ -30,7 +82,7 @@ class Watch(GraphMonitor):
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
         self._arm: LiveArm | None = None
-        self._followed = [ACTIVE_LIMITS, *_sampled('planner')]
+        self._followed = [ACTIVE_LIMITS, *_sampled_topics('planner')]
         self._is_known = True  # whether the arm is known here
         self.on_parameters = self._on_parameters
 
@@ -46,7 +98,7 @@ class Watch(GraphMonitor):
     def look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
         for topic in self._followed:
-            self._newest(topic, _TYPES.get(topic, Float64), None)
+            self.sampled(topic, _TYPES.get(topic, Float64))
         if self._arm is not None:
             self._look_at(self._arm)
         elif self._is_known and self.client.offers('controller'):
@@ -56,26 +108,25 @@ class Watch(GraphMonitor):
                 self.keep(_LAW, values['law'])
             except RedresError:
                 self._is_known = False  # the page shows the rest
-                self._followed += _sampled('controller')
+                self._followed += _sampled_topics('controller')
 
     def _look_at(self, arm: LiveArm) -> None:
         # A snapshot has all figures: subscribing to each would cost the controller time.
         seen = arm.look()
-        if not seen:
-            return
-        for name in VALUES:
-            self.keep(f'controller/{name}', getattr(seen[-1], name))
-        self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
+        if seen:
+            for name in VALUES:
+                self.keep(f'controller/{name}', getattr(seen[-1], name))
+            self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
 
     def _joints(self) -> list[JointBar]:
         arm = self._arm
         if arm is None:
             return []
         acting = self.limits()
-        names = arm.model.joint_names
+        placed = zip(arm.model.joint_names, arm.fractions().tolist(), arm.q.tolist(), strict=True)
         return [
-            JointBar(name, fraction, q, tuple(sorted(acting.get(name, ()))))
-            for name, fraction, q in zip(names, arm.fractions.tolist(), arm.q.tolist(), strict=True)
+            JointBar(name, fraction, q, sorted(acting.get(name, ())))
+            for name, fraction, q in placed
         ]
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
@@ -83,20 +134,18 @@ class Watch(GraphMonitor):
             self.keep(_LAW, values['law'])
 
 
-def _sampled(node: str) -> list[str]:
+def _sampled_topics(node: str) -> list[str]:
     """The topics of a node on the page with figures of which only the newest matters."""
-    topics = [row.topic for row in NODES[node]]
+    topics = [row.topic for row in _ROWS[node]]
     return [topic for topic in topics if topic not in (*WORDS, ACTIVE_LIMITS, _TIP)]
 
 
 def watch(node: Watch, duration: float | None = None) -> None:
-    """Show the page; in a pipe or a file print a line a second, and the page once, at the end.
+    """Show the page for that time [s], or until Ctrl-C.
 
-    Args:
-        node: What listens.
-        duration: Ends it after that time [s]; None: not.
+    In a pipe or a file, print a line a second, and the page once, at the end.
     """
-    until = time.monotonic() + duration if duration is not None else float('inf')
+    until = time.monotonic() + duration if duration is not None else math.inf
     console = Console()
     live = Live(node.page(), console=console, refresh_per_second=_REFRESH)
     due = 0.0  # [s] when the next line is
@@ -111,3 +160,122 @@ def watch(node: Watch, duration: float | None = None) -> None:
                 print(node.line(), flush=True)  # a pipe would keep it back
     if not console.is_terminal:
         console.print(node.page())
+
+
+def page(
+    received: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[JointBar] = ()
+) -> RenderableType:
+    """The whole page at an instant [s]; the NodeHealth of a node is received under its name."""
+    title = Text(f'redres watch, ROS domain {domain}', style='bold')
+    if not received:
+        text = (
+            f'No node of redres_ros runs in domain {domain}.\n'
+            'Start one, for example with `redres demo`, which prints its domain, or pass --domain.'
+        )
+        return Group(title, Text(text, style='yellow'))
+    bars = [_joint_panel(joints)] if joints else []
+    return Group(title, *_alarms(received, now), *_node_panels(received, now), *bars)
+
+
+def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
+    """The most important values of the page at an instant [s], in a line."""
+    if not received:
+        return f'no node in domain {domain}'
+    parts = []
+    for node, rows in _ROWS.items():
+        silence = _silence(received, node, now)
+        if silence > STALE:
+            parts.append(f'{node} {_absence(silence)}')
+            continue
+        shown = [row for row in rows if row.in_line and row.topic in received]
+        parts += [f'{row.label} {_words(received[row.topic].value, row)}' for row in shown]
+    return ', '.join(parts)
+
+
+def is_near_an_end(fraction: float) -> bool:
+    """Whether a joint at this fraction of its range, 0 to 1, is near its limits."""
+    return min(fraction, 1.0 - fraction) < _NEAR
+
+
+def _silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
+    """Time since the last message of a node [s]; infinite if there was none."""
+    sources = {node, *(row.topic for row in _ROWS[node])}
+    ages = [now - received[source].at for source in sources if source in received]
+    return min(ages, default=math.inf)
+
+
+def _absence(silence: float) -> str:
+    return 'no message' if silence == math.inf else f'silent for {silence:.0f} s'
+
+
+def _alarms(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
+    reason = received.get(REASON, LastValue('', now)).value
+    if reason:
+        text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
+        yield Panel(text, style='bold red', expand=False)
+    last = min(_silence(received, node, now) for node in _ROWS)
+    if last > STALE:
+        text = Text(f'No node has sent a message for {last:.0f} s. The values below are old.')
+        yield Panel(text, style='bold yellow', expand=False)
+
+
+def _node_panels(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
+    for node, rows in _ROWS.items():
+        silence = _silence(received, node, now)
+        table = Table(box=None, show_header=False, pad_edge=False)
+        table.add_column(min_width=28)
+        table.add_column(min_width=30)
+        for row in rows:
+            table.add_row(row.label, _value(received, row, silence > STALE, now))
+        value = received[node].value if node in received else None
+        health = value if isinstance(value, NodeHealth) else NodeHealth('running', True)
+        text = health.text
+        style = 'green' if health.is_well else 'yellow'
+        if silence > STALE:
+            text = _absence(silence)
+            style = 'dim' if silence == math.inf else 'yellow'
+        title = Text(f'{node}: {text}')
+        yield Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
+
+
+def _joint_panel(joints: Sequence[JointBar]) -> Panel:
+    """A bar for each joint, and beside it the limits that act."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for joint in joints:
+        tags = Text()
+        for limit in joint.limits:
+            tags.append(f' {limit} ', style=f'white on {LIMIT_COLOURS.get(limit, OTHER_LIMIT)}')
+            tags.append(' ')
+        degrees = f'{math.degrees(joint.position):+7.1f}°'
+        table.add_row(joint.name, degrees, _bar(joint.fraction), tags)
+    title = Text('joints in their ranges, and the limits that act')
+    return Panel(table, title=title, title_align='left', box=box.ROUNDED)
+
+
+def _bar(fraction: float) -> Text:
+    place = round(min(max(fraction, 0.0), 1.0) * (_BAR - 1))
+    colour = 'red' if is_near_an_end(fraction) else 'cyan'
+    bar = Text(place * '─', style='dim')
+    bar.append('●', style=f'not dim bold {colour}')
+    return bar.append((_BAR - 1 - place) * '─')
+
+
+def _value(received: Mapping[str, LastValue], row: _Row, is_stale: bool, now: float) -> Text:
+    entry = received.get(row.topic)
+    if entry is None:
+        return Text('-', style='dim')
+    text = _words(entry.value, row)
+    if is_stale or (isinstance(entry.value, float) and now - entry.at > STALE):
+        return Text(f'{text}  (old, {now - entry.at:.0f} s)', style='dim')
+    return Text(text, style='default')
+
+
+def _words(value: object, row: _Row) -> str:
+    """A value with its unit."""
+    if isinstance(value, tuple):
+        shown = '  '.join(f'{member:+.4f}' for member in value)
+    elif isinstance(value, float):
+        shown = f'{value * row.factor:.4g}'
+    else:
+        shown = str(value) or 'none'
+    return f'{shown} {row.unit}'.rstrip()

@@ -210,7 +210,7 @@ def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
     sources = seen.publishers.get(TWISTS, ())
     names = ', '.join(sources)
     if not sources:
-        text = f'{TWISTS} has no publisher yet: the planner, redres teleop or a node of yours'
+        text = f'{TWISTS} has no publisher yet: the planner, redres view or a node of yours'
         yield note('task', text)
     elif len(sources) > 1:
         yield note('task', f'{names} publish {TWISTS}; let only one publish at a time')

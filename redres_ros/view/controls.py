@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import viser
 
@@ -18,27 +18,22 @@ from redres_ros.preferences import PREFERENCES
 
 _NOTICE = 8.0  # [s] for which a refusal is shown
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
-
-
-def credible(changes: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes that a node may have made: any participant can publish changes.
-
-    Args:
-        changes: Changes of parameters, as published.
-        known: The parameters as they are, which says of what type each is.
-    """
-    return {
-        name: value
-        for name, value in changes.items()
-        if name in known and type(value) is type(known[name])
-    }
+# Faults of the fake robot, by parameter: label, largest value and step of a slider.
+_FAULTS = {
+    'command_loss': ('commands lost [0 to 1]', 0.3, 0.01),
+    'state_loss': ('states lost [0 to 1]', 0.3, 0.01),
+    'command_delay': ('commands late [cycles]', 10, 1),
+    'state_delay': ('states late [cycles]', 10, 1),
+    'encoder_noise': ('encoder noise [rad]', 0.001, 0.0001),
+    'frozen_joint': ('frozen encoder [joint; 0: none]', 7, 1),
+}
+_PAUSED = 'paused_physics'
 
 
 class Bindings:
     """Binds elements of the page to parameters and services of the nodes.
 
-    Args:
-        client: Calls the services.
+    Attributes:
         values: The parameters of the nodes at present, by node and name.
     """
 
@@ -48,50 +43,28 @@ class Bindings:
         self._shows: dict[tuple[str, str], list[Callable[[Any], None]]] = {}
 
     def add(self, handle: Any, node: str, parameter: str) -> None:
-        """Have an input set a parameter, and show what others set.
-
-        Args:
-            handle: Handle of the input.
-            node: Name of the node that has the parameter.
-            parameter: Its name.
-        """
-
-        def show(value: Any) -> None:
-            handle.value = value
-
-        self.on_change(node, parameter, show)
+        """Have an input set a parameter, and show what others set."""
+        self.on_change(node, parameter, lambda value: setattr(handle, 'value', value))
         handle.on_update(lambda event: self.set(event, node, {parameter: event.target.value}))
 
     def on_change(self, node: str, parameter: str, show: Callable[[Any], None]) -> None:
-        """Have something called with each new value of a parameter.
-
-        Args:
-            node: Name of the node that has it.
-            parameter: Its name.
-            show: Called with each new value.
-        """
+        """Have something called with each new value of a parameter."""
         self._shows.setdefault((node, parameter), []).append(show)
 
     def show(self, node: str, values: Mapping[str, Any]) -> None:
-        """Show what a node has now, no matter who set it; impossible values are skipped.
+        """Show what a node has now, no matter who set it.
 
-        Args:
-            node: Its name.
-            values: Its parameters by name.
+        Values of other names and types are skipped: any participant can publish changes.
         """
-        for name, value in credible(values, self.values.get(node, {})).items():
-            self.values[node][name] = value
-            for show in self._shows.get((node, name), ()):
-                show(value)
+        known = self.values.get(node, {})
+        for name, value in values.items():
+            if name in known and type(value) is type(known[name]):
+                known[name] = value
+                for show in self._shows.get((node, name), ()):
+                    show(value)
 
     def set(self, event: Any, node: str, values: Mapping[str, Any]) -> None:
-        """Set parameters; what is refused is shown as the node has it.
-
-        Args:
-            event: What was changed, and by whom.
-            node: Name of the node.
-            values: Values by parameter name.
-        """
+        """Set parameters; what is refused is shown as the node has it."""
         known = {name: self.values[node][name] for name in values if name in self.values[node]}
         self.order(
             event, lambda: self.client.set_parameters(node, values), lambda: self.show(node, known)
@@ -120,77 +93,13 @@ class Bindings:
 
 
 def notify(event: Any, text: str) -> None:
-    """Show a refusal to somebody at the page.
-
-    Args:
-        event: Event from that browser.
-        text: What is refused, and why.
-    """
+    """Show a refusal to the browser that an event comes from."""
     if event.client is not None:
         event.client.add_notification('Refused', text, color='red', auto_close_seconds=_NOTICE)
 
 
-class _Slider(NamedTuple):
-    """A fault of the fake robot as a slider: parameter, label, largest value and step."""
-
-    parameter: str
-    label: str
-    most: float
-    step: float
-
-
-_FAULTS = (
-    _Slider('command_loss', 'commands lost [0 to 1]', 0.3, 0.01),
-    _Slider('state_loss', 'states lost [0 to 1]', 0.3, 0.01),
-    _Slider('command_delay', 'commands late [cycles]', 10, 1),
-    _Slider('state_delay', 'states late [cycles]', 10, 1),
-    _Slider('encoder_noise', 'encoder noise [rad]', 0.001, 0.0001),
-    _Slider('frozen_joint', 'frozen encoder [joint; 0: none]', 7, 1),
-)
-
-
 def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
-    """Add what starts the task, and what sets the law and its limits.
-
-    Args:
-        gui: Controls of the page.
-        bindings: Bindings to the nodes.
-    """
-    values = bindings.values['controller']
-    _add_task(gui, bindings)
-    _add_law(gui, bindings, values)
-    _add_names(gui, bindings, 'limits', LIMITS)
-    _add_names(gui, bindings, 'preferences', PREFERENCES)
-
-
-def add_faults(gui: viser.GuiApi, bindings: Bindings) -> None:
-    """Add the faults of the fake robot.
-
-    Args:
-        gui: Controls of the page.
-        bindings: Bindings to the nodes.
-    """
-    values = bindings.values['sim']
-    with gui.add_folder('faults of the fake robot', expand_by_default=False):
-        for fault in _FAULTS:
-            kind = type(values[fault.parameter])
-            most = kind(fault.most)
-            slider = gui.add_slider(
-                fault.label,
-                kind(0),
-                most,
-                kind(fault.step),
-                initial_value=min(values[fault.parameter], most),
-            )
-            bindings.add(slider, 'sim', fault.parameter)
-        paused = gui.add_checkbox('joints do not move', values['paused_physics'])
-        bindings.add(paused, 'sim', 'paused_physics')
-        well = gui.add_button('no faults')
-    none = {field.name: field.default for field in fields(Faults)}
-    well.on_click(lambda event: bindings.set(event, 'sim', none))
-
-
-def _add_task(gui: viser.GuiApi, bindings: Bindings) -> None:
+    """Add what starts the task, and what sets the law and its limits."""
     client = bindings.client
     task = gui.add_button_group('task', ('start', 'home', 'stop'))
     task.on_click(
@@ -203,18 +112,38 @@ def _add_task(gui: viser.GuiApi, bindings: Bindings) -> None:
     if bindings.values.get('sim'):
         reset = gui.add_button('reset the robot', color='red')
         reset.on_click(lambda event: bindings.order(event, lambda: client.trigger('sim/reset')))
-
-
-def _add_law(gui: viser.GuiApi, bindings: Bindings, values: Mapping[str, Any]) -> None:
-    law = gui.add_dropdown('law', tuple(LAWS), initial_value=values['law'])
-    bindings.add(law, 'controller', 'law')
+    values = bindings.values['controller']
     most = max(_MOST_DAMPING, values['damping'])
-    damping = gui.add_slider('damping [1/s]', 0.0, most, 0.5, initial_value=values['damping'])
-    bindings.add(damping, 'controller', 'damping')
-    scale = gui.add_slider('limit scale', 0.05, 1.0, 0.05, initial_value=values['limit_scale'])
-    bindings.add(scale, 'controller', 'limit_scale')
-    scaling = gui.add_dropdown('task scaling', (AUTO, *SCALING), initial_value=values['scaling'])
-    bindings.add(scaling, 'controller', 'scaling')
+    inputs: dict[str, Any] = {
+        'law': gui.add_dropdown('law', tuple(LAWS), initial_value=values['law']),
+        'damping': gui.add_slider('damping [1/s]', 0.0, most, 0.5, values['damping']),
+        'limit_scale': gui.add_slider('limit scale', 0.05, 1.0, 0.05, values['limit_scale']),
+        'scaling': gui.add_dropdown(
+            'task scaling', (AUTO, *SCALING), initial_value=values['scaling']
+        ),
+    }
+    for parameter, handle in inputs.items():
+        bindings.add(handle, 'controller', parameter)
+    _add_names(gui, bindings, 'limits', LIMITS)
+    _add_names(gui, bindings, 'preferences', PREFERENCES)
+
+
+def add_faults(gui: viser.GuiApi, bindings: Bindings) -> None:
+    """Add the faults that the fake robot has."""
+    values = bindings.values['sim']
+    with gui.add_folder('faults of the fake robot', expand_by_default=False):
+        for parameter, (label, most, step) in _FAULTS.items():
+            if parameter in values:
+                kind = type(values[parameter])
+                value = min(values[parameter], kind(most))
+                slider = gui.add_slider(label, kind(0), kind(most), kind(step), value)
+                bindings.add(slider, 'sim', parameter)
+        if _PAUSED in values:
+            paused = gui.add_checkbox('joints do not move', values[_PAUSED])
+            bindings.add(paused, 'sim', _PAUSED)
+        clear = gui.add_button('no faults')
+    none = {each.name: each.default for each in fields(Faults)}
+    clear.on_click(lambda event: bindings.set(event, 'sim', none))
 
 
 def _add_names(
@@ -223,9 +152,9 @@ def _add_names(
     """A box to tick for each entry of a table that a parameter of the controller may name."""
     ticked = named(bindings.values['controller'][parameter])
     with gui.add_folder(parameter, expand_by_default=parameter == 'limits'):
-        boxes: dict[str, Any] = {n: gui.add_checkbox(n, n in ticked) for n in table}
+        boxes: dict[str, Any] = {name: gui.add_checkbox(name, name in ticked) for name in table}
 
-    def order(event: viser.GuiEvent[Any]) -> None:
+    def order(event: Any) -> None:
         names = [name for name, box in boxes.items() if box.value] or [NONE]
         bindings.set(event, 'controller', {parameter: names})
 

@@ -7,8 +7,8 @@ import numpy as np
 import viser
 from viser import uplot
 
-from redres_ros.graph.graph_monitor import NODES
-from redres_ros.graph.watch_page import is_near_an_end
+from redres_ros.graph.monitor import NODES
+from redres_ros.graph.watch import is_near_an_end
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
@@ -16,11 +16,11 @@ from redres_ros.simulation.colours import AXES, LIMIT_COLOURS, OTHER_LIMIT, law_
 
 _FIGURES = Figures._fields[1:]  # all but the time
 _HEIGHT = 92  # [pixels] of a plot
-_ZERO = np.zeros(2)
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
+_TAG = 'color: white; border-radius: 3px; padding: 0 4px; font-size: 10px;'
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 
@@ -39,24 +39,19 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
         lines.append(
             f'<div style="{_ALARM}"><b>Stopped:</b> {reason}<br>Reset lets it go on.</div>'
         )
-    session = _escaped(words[SESSION] or 'no message')
-    quality = _escaped(words[QUALITY])
-    lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
-    task = words[TASK_STATE]
-    done = f'{progress:.0%}' if task in _UNDER_WAY else ''
-    lines.append(f'<div>Task: <b>{_escaped(task or "no message")}</b> {_dim(done)}</div>')
-    lines.append(f'<div>Controller: <b>{_escaped(words[MODE] or "no message")}</b></div>')
+    quality = words[QUALITY] and f'connection {words[QUALITY]}'
+    done = f'{progress:.0%}' if words[TASK_STATE] in _UNDER_WAY else ''
+    for name, topic, more in (
+        ('Robot', SESSION, quality),
+        ('Task', TASK_STATE, done),
+        ('Controller', MODE, ''),
+    ):
+        word = _escaped(words[topic] or 'no message')
+        lines.append(f'<div>{name}: <b>{word}</b> {_dim(more)}</div>')
     for node in NODES:
-        text = _escaped(health.get(node, 'no message'))
+        text = health.get(node, 'no message')
         lines.append(f'<div>{_dim(f"{node}: {text}")}</div>')
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
-
-
-def limits_text(limits: Mapping[str, Iterable[str]]) -> str:
-    """The acting limits, by place, as HTML."""
-    lines = [f'{place}: {limit}' for place, names in limits.items() for limit in names]
-    line = f'<b>{_escaped(lines[0])}</b>' if lines else _dim('no limit acts')
-    return f'<div style="{_STYLE} min-height: 1.5em;">{line}</div>'
 
 
 def joint_bars(
@@ -69,27 +64,22 @@ def joint_bars(
         fractions: Where each is in its range, 0 to 1, (n,).
         acting: The limits that act on a joint, or on a pair of bodies, by its name.
     """
-    rows = [
-        _row(name, _bar(fraction), acting.get(name, ()))
-        for name, fraction in zip(names, fractions.tolist(), strict=True)
-    ]
-    others = [place for place in acting if place not in names]
-    rows.extend(_row(place, '', acting[place]) for place in sorted(others))
-    return _table(rows)
-
-
-def _table(rows: Iterable[str]) -> str:
+    bars = dict(zip(names, map(_bar, fractions.tolist()), strict=True))
+    places = dict.fromkeys([*names, *sorted(acting)])
+    rows = [_row(place, bars.get(place, ''), acting.get(place, ())) for place in places]
     table = f'<table style="width: 100%; border-collapse: collapse;">{"".join(rows)}</table>'
     return f'<div style="{_STYLE}">{table}</div>'
 
 
 def _row(place: str, bar: str, limits: Iterable[str]) -> str:
-    tags = ' '.join(_tag(limit) for limit in sorted(limits))
-    columns = 1 if bar else 2  # a long name takes the bar's place, too
-    cell = f'<td style="width: 45%;">{bar}</td>' if bar else ''
+    tags = ' '.join(
+        f'<span style="background: {LIMIT_COLOURS.get(limit, OTHER_LIMIT)}; {_TAG}">'
+        f'{escape(limit)}</span>'
+        for limit in sorted(limits)
+    )
     return (
-        f'<tr><td colspan="{columns}" style="{_DIM} white-space: nowrap; padding-right: 8px;">'
-        f'{escape(place)}</td>{cell}'
+        f'<tr><td style="{_DIM} white-space: nowrap; padding-right: 8px;">{escape(place)}</td>'
+        f'<td style="width: 45%;">{bar}</td>'
         f'<td style="padding-left: 8px; width: 40%;">{tags}</td></tr>'
     )
 
@@ -104,39 +94,32 @@ def _bar(fraction: float) -> str:
     return f'<div style="{_TRACK}">{knob}</div>'
 
 
-def _tag(limit: str) -> str:
-    colour = LIMIT_COLOURS.get(limit, OTHER_LIMIT)
-    return (
-        f'<span style="background: {colour}; color: white; border-radius: 3px; padding: 0 4px; '
-        f'font-size: 10px;">{escape(limit)}</span>'
-    )
-
-
 def _escaped(text: str) -> str:
     """A text from the graph, escaped and of limited length."""
     return escape(text[:_LONGEST])
 
 
 def _dim(text: str) -> str:
-    return f'<span style="{_DIM}">{text}</span>'
+    return f'<span style="{_DIM}">{_escaped(text)}</span>'
 
 
 class Plots:
-    """One small plot for each figure.
-
-    Args:
-        gui: viser's controls.
-        law: Law in force.
-    """
+    """One small plot for each figure."""
 
     def __init__(self, gui: viser.GuiApi, law: str) -> None:
         self._handles = {}
         for figure in _FIGURES:
+            # Axes begin at zero and show at least so much.
+            top = {'pad': 0.05, 'soft': AXES[figure].least, 'mode': 1}
+            bottom = {'hard': 0.0, 'soft': 0.0, 'mode': 1}
             self._handles[figure] = gui.add_uplot(
-                (_ZERO, _ZERO),
+                (np.zeros(2), np.zeros(2)),
                 _series(figure, law),
                 title=AXES[figure].title,
-                scales=_scales(AXES[figure].least),
+                scales={
+                    'x': uplot.Scale(time=False),
+                    'y': uplot.Scale(range={'min': bottom, 'max': top}),
+                },
                 axes=({'show': False}, {'size': 44, 'font': '10px sans-serif'}),
                 legend=uplot.Legend(show=False),
                 height=_HEIGHT,
@@ -159,12 +142,3 @@ def _series(figure: str, law: str) -> tuple[uplot.Series, uplot.Series]:
     """The time, and a figure's curve in the colour of a law."""
     curve: uplot.Series = {'label': figure, 'stroke': law_colour(law), 'width': 1.5}
     return {'label': 't'}, curve
-
-
-def _scales(least: float) -> dict[str, uplot.Scale]:
-    """Axes that begin at zero and show at least so much."""
-    top = {'pad': 0.05, 'soft': least, 'mode': 1}
-    return {
-        'x': uplot.Scale(time=False),
-        'y': uplot.Scale(range={'min': {'hard': 0.0, 'soft': 0.0, 'mode': 1}, 'max': top}),
-    }

@@ -1,32 +1,40 @@
-"""The arm in three dimensions: its shapes, its task, the paths of tip and elbow, the walls."""
+"""The arm in three dimensions: its shapes, its task, the paths of tip and elbow, the walls; and a
+recorded motion as a page that replays it, in any browser and without a server.
+"""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from xml.etree.ElementTree import Element
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 import trimesh
 import viser
 
+from redres_ros.files.text import writing
 from redres_ros.limits.shapes import SPHERE, DrawnShape
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE, MovingJoint
-from redres_ros.robots.urdf import Urdf, motion_of
+from redres_ros.robots.urdf import motion_of
 from redres_ros.rotation import to_quaternion
+from redres_ros.simulation.recording import Recording
+from redres_ros.types import JointPositions
+from redres_ros.view.server import CONTENT_POLICY, close_server, open_server
 
 _BLACK = (30, 30, 34)
 _BLUE = (31, 119, 180)
 _RED = (214, 39, 40)
 _PALE_RED = (240, 170, 170)
 _GREEN = (44, 160, 44)
-_THIN = 0.002  # [m] of a plane
-_INSIDE = 0.12  # opacity of what the arm stays in
-_OUTSIDE = 0.2  # of what it stays out of
-_GREY = (0.6, 0.62, 0.65)  # of a shape without a colour
 _STONE = (150, 153, 160)
 _LINES = (205, 210, 216)
 _PATHS = {'tip': _BLACK, 'elbow': _BLUE}
+_THIN = 0.002  # [m] of a plane
+_INSIDE = 0.12  # opacity of what the arm stays in
+_OUTSIDE = 0.2  # of what it stays out of
 _POINT = 0.018  # [m] radius of a point of the task
 _THICKNESS = 0.008  # [m] of a path
 _TOOL = 0.011  # [m] radius of what leads from the last joint's shapes to the tip
@@ -35,26 +43,10 @@ _PEDESTAL = 0.1  # [m] radius
 # As in the pictures of `redres reproduce`, for an arm that reaches 1 m.
 _CAMERA = np.array((1.15, 0.65, 0.65))  # [m]
 _LOOK_AT = np.array((-0.1, 0.0, 0.3))  # [m]
-_FINENESS = 3  # of a sphere
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A shape of a link.
-
-    Args:
-        joint: Index of the moving joint that carries it, or BASE.
-        pose: In the frame that this joint moves, or in the base's, (4, 4).
-        kind: 'cylinder', 'sphere' or 'box'.
-        size: Of a cylinder radius and length, of a sphere its radius, of a box three edges [m].
-        colour: Red, green and blue, 0 to 1.
-    """
-
-    joint: int
-    pose: np.ndarray
-    kind: str
-    size: tuple[float, ...]
-    colour: tuple[float, ...]
+_RATE = 20.0  # pictures of a replayed motion, a second
+_TRACED = 4  # pictures from one drawing of the paths to the next
+_LAST = 1.5  # [s] for which the last picture stays
+_LABEL = np.array((0.0, 0.0, 1.25))  # position of the title, for an arm that reaches 1 m
 
 
 class ArmScene:
@@ -64,6 +56,9 @@ class ArmScene:
         server: Server of the page.
         model: The arm.
         points: Points of its task, (P, 3) [m]; (0, 3) for none.
+
+    Attributes:
+        meshes: Of the moving links, with the links' names.
     """
 
     def __init__(self, server: viser.ViserServer, model: RobotModel, points: np.ndarray) -> None:
@@ -72,11 +67,11 @@ class ArmScene:
         self._kinematics = model.arm.kinematics()
         self._links: list[viser.FrameHandle] = []
         self._walls: list[viser.SceneNodeHandle] = []
-        self.meshes: list[tuple[str, viser.MeshHandle]] = []  # of links that move, by their names
+        self.meshes: list[tuple[str, viser.MeshHandle]] = []
         for joint in self._kinematics.joints:
             self._add_link(joint)
-        for number, shape in enumerate(shapes_of(model.arm)):
-            self._add_shape(shape, number)
+        for shape in shapes_of(model.arm):
+            self._add_shape(shape)
         self._add_tool()
         self._add_surroundings()
         for number, point in enumerate(points):
@@ -86,8 +81,8 @@ class ArmScene:
         server.initial_camera.position = model.reach * _CAMERA
         server.initial_camera.look_at = model.reach * _LOOK_AT
 
-    def show(self, q: np.ndarray) -> None:
-        """Move the arm to joint positions q (n,) [rad]."""
+    def show(self, q: JointPositions) -> None:
+        """Move the arm."""
         for joint, link, value in zip(
             self._kinematics.joints, self._links, q.tolist(), strict=True
         ):
@@ -99,20 +94,15 @@ class ArmScene:
             else:
                 link.wxyz = _wxyz(moved)
 
-    def traced(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """Positions of tip and elbow at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
+    def traced(self, q: JointPositions) -> dict[str, np.ndarray]:
+        """Positions of tip and elbow, each (3,) [m]; an arm may have no elbow."""
         places = {'tip': self._model.tip(q)[0]}
         if self._model.arm.elbow_frame:
             places['elbow'] = self._model.position(q, self._model.elbow_frame)
         return places
 
     def trace(self, name: str, points: np.ndarray) -> None:
-        """Draw the path of tip or elbow.
-
-        Args:
-            name: 'tip' or 'elbow'.
-            points: (N, 3) [m].
-        """
+        """Draw the path of 'tip' or 'elbow' through points (N, 3) [m]."""
         if len(points) > 1:
             segments = np.stack((points[:-1], points[1:]), axis=1)  # (N - 1, 2, 3)
             self._scene.add_line_segments(
@@ -139,10 +129,10 @@ class ArmScene:
                 position=wall.centre,
                 wxyz=(w, x, y, z),
             )
-        kind = 'sphere' if wall.kind == SPHERE else 'box'
-        size = (wall.size[0] / 2.0,) if wall.kind == SPHERE else tuple(wall.size)
+        mesh = trimesh.creation.box(wall.size)
+        if wall.kind == SPHERE:
+            mesh = trimesh.creation.icosphere(radius=wall.size[0] / 2.0)
         colour = _GREEN if wall.keeps_in else _RED
-        mesh = _mesh(kind, size)
         return self._scene.add_mesh_simple(
             f'/walls/{number}',
             mesh.vertices,
@@ -166,27 +156,26 @@ class ArmScene:
         )
         self._links.append(link)
 
-    def _add_shape(self, shape: Shape, number: int) -> None:
-        parent = '/base'
-        if shape.joint != BASE:
-            parent = self._links[shape.joint].name
-        mesh = _mesh(shape.kind, shape.size)
+    def _add_shape(self, shape: pin.GeometryObject) -> None:
+        joint = shape.parentJoint - 1
+        parent = '/base' if joint == BASE else self._links[joint].name
+        mesh = _mesh(shape.geometry)
+        pose = shape.placement.homogeneous
         drawn = self._scene.add_mesh_simple(
-            f'{parent}/shape_{number}',
+            f'{parent}/{shape.name}',
             mesh.vertices,
             mesh.faces,
-            color=np.array(shape.colour),
-            wxyz=_wxyz(shape.pose),
-            position=shape.pose[:3, 3],
+            color=shape.meshColor[:3],
+            wxyz=_wxyz(pose),
+            position=pose[:3, 3],
         )
-        if shape.joint != BASE:
-            self.meshes.append((self._kinematics.joints[shape.joint].link, drawn))
+        if joint != BASE:
+            self.meshes.append((self._kinematics.joints[joint].link, drawn))
 
     def _add_tool(self) -> None:
         """A rod from the last link to a tip that lies away from it."""
         offset = self._kinematics.tip[:3, 3]
-        length = float(np.linalg.norm(offset))
-        if length < _TOOL:
+        if float(np.linalg.norm(offset)) < _TOOL:
             return
         mesh = trimesh.creation.cylinder(_TOOL, segment=np.stack((np.zeros(3), offset)))
         drawn = self._scene.add_mesh_simple(
@@ -210,58 +199,56 @@ class ArmScene:
         self._scene.add_mesh_simple('/base/pedestal', mesh.vertices, mesh.faces, color=_STONE)
 
 
-def shapes_of(arm: Arm) -> list[Shape]:
-    """The visual shapes of an arm. Raises FileError for a URDF that cannot be used."""
-    urdf = Urdf.read(arm.description())
-    colours = _colours(urdf)
-    shapes = []
-    for link, (joint, pose) in arm.kinematics().links.items():
-        for visual in urdf.links[link].findall('visual'):
-            at = pose @ urdf.placement(visual, f'link {link}')
-            colour: tuple[float, ...] = _GREY
-            material = visual.find('material')
-            if material is not None:
-                colour = colours.get(material.get('name', ''), _GREY)
-            for kind, size in _sizes(urdf, visual.find('geometry'), link):
-                shapes.append(Shape(joint, at, kind, size, colour))
-    return shapes
+def shapes_of(arm: Arm) -> list[pin.GeometryObject]:
+    """The cylinders, spheres and boxes that an arm is drawn by; files of meshes are left out."""
+    robot = ElementTree.fromstring(arm.description())
+    for link in robot.iter('link'):
+        for visual in link.findall('visual'):
+            if visual.find('geometry/mesh') is not None:
+                link.remove(visual)
+    text = ElementTree.tostring(robot, encoding='unicode')
+    model = pin.buildModelFromXML(text)
+    shapes = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
+    return list(shapes.geometryObjects)
 
 
-def _colours(urdf: Urdf) -> dict[str, tuple[float, ...]]:
-    colours = {}
-    for material in urdf.robot.iter('material'):
-        colour = material.find('color')
-        if colour is not None:
-            name = material.get('name', '')
-            rgba = urdf.numbers(colour, 'rgba', '0.6 0.62 0.65 1', f'material {name}')
-            colours[name] = tuple(rgba[:3].tolist())
-    return colours
-
-
-def _sizes(
-    urdf: Urdf, geometry: Element | None, link: str
-) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Kind and size of what stands in a geometry element."""
-    owner = f'a shape of link {link}'
-    for element in geometry if geometry is not None else ():
-        if element.tag == 'cylinder':
-            radius = urdf.number(element, 'radius', owner)
-            yield 'cylinder', (radius, urdf.number(element, 'length', owner))
-        elif element.tag == 'sphere':
-            yield 'sphere', (urdf.number(element, 'radius', owner),)
-        elif element.tag == 'box':
-            yield 'box', tuple(urdf.numbers(element, 'size', '0 0 0', owner).tolist())
-
-
-def _mesh(kind: str, size: tuple[float, ...]) -> trimesh.Trimesh:
-    if kind == 'cylinder':
-        return trimesh.creation.cylinder(size[0], size[1], sections=40)
-    if kind == 'sphere':
-        return trimesh.creation.icosphere(_FINENESS, size[0])
-    return trimesh.creation.box(size)
+def _mesh(geometry: Any) -> trimesh.Trimesh:
+    if isinstance(geometry, pin.hppfcl.Cylinder):
+        return trimesh.creation.cylinder(geometry.radius, 2.0 * geometry.halfLength, sections=40)
+    if isinstance(geometry, pin.hppfcl.Sphere):
+        return trimesh.creation.icosphere(radius=geometry.radius)
+    return trimesh.creation.box(2.0 * geometry.halfSide)
 
 
 def _wxyz(pose: np.ndarray) -> np.ndarray:
     """The quaternion of a pose (4, 4), (4,), in viser's order."""
-    x, y, z, w = to_quaternion(pose[:3, :3])
-    return np.array((w, x, y, z))
+    return np.roll(to_quaternion(pose[:3, :3]), 1)
+
+
+def write_page(
+    recording: Recording, model: RobotModel, task: WaypointTask, title: str, path: Path
+) -> None:
+    """Write a page that replays a recording of at least one row. Raises FileError."""
+    server = open_server(0, 'redres')
+    try:
+        scene = ArmScene(server, model, task.waypoints)
+        server.scene.add_label('/title', title, position=model.reach * _LABEL)
+        serializer = server.get_scene_serializer()
+        t = recording['t']
+        times = np.arange(t[0], t[-1] + 0.5 / _RATE, 1.0 / _RATE)
+        paths: dict[str, list[np.ndarray]] = {}
+        for number, q in enumerate(recording.vectors('q1')[recording.rows_at(times)]):
+            scene.show(q)
+            for name, place in scene.traced(q).items():
+                paths.setdefault(name, []).append(place)
+                if number % _TRACED == 0:
+                    scene.trace(name, np.array(paths[name]))
+            serializer.insert_sleep(1.0 / _RATE)
+        serializer.insert_sleep(_LAST)
+        page = serializer.as_html()
+    finally:
+        close_server(server)
+    policy = CONTENT_POLICY.format(connect='')  # the browser loads nothing else
+    rule = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+    with writing(path):
+        path.write_text(page.replace('<head>', f'<head>{rule}', 1), encoding='utf-8')

@@ -1,10 +1,9 @@
 // Sends what the operator holds, thirty times a second, and nothing while he holds nothing.
 (() => {
   'use strict';
-  const KEYS = __KEYS__;  // code of a key: [row of the task velocity, sign]
   const PERIOD = 33;  // [ms]
   const DEAD_ZONE = 0.12;  // of a stick
-  const BUTTONS = [
+  const ROWS = [  // of a task velocity: words and keys for - and +, and the axis
     ['back', 'forward', 'x', 'KeyS', 'KeyW'],
     ['right', 'left', 'y', 'KeyD', 'KeyA'],
     ['down', 'up', 'z', 'KeyF', 'KeyR'],
@@ -12,6 +11,11 @@
     ['turn −', 'turn +', 'about y', 'KeyK', 'KeyI'],
     ['turn −', 'turn +', 'about z', 'KeyO', 'KeyU'],
   ];
+  const KEYS = {};  // code of a key: [row, sign]
+  ROWS.forEach(([, , , minus, plus], row) => {
+    KEYS[minus] = [row, -1];
+    KEYS[plus] = [row, 1];
+  });
   const pressed = new Set();  // codes of keys
   let shift = false;
   let pointer = false;  // down on the scene: it may drag the tip or push a link
@@ -26,11 +30,6 @@
     pointer = false;
     jog = null;
     beat();
-  };
-
-  const add = (direction, code) => {
-    const [row, sign] = KEYS[code];
-    direction[row] += sign;
   };
 
   const addGamepad = (direction) => {
@@ -55,16 +54,10 @@
   function beat() {
     if (!socket || socket.readyState !== WebSocket.OPEN) return;
     const direction = [0, 0, 0, 0, 0, 0];
-    let holds = addGamepad(direction);
-    if (shift) {
-      holds = true;
-      pressed.forEach((code) => add(direction, code));
-    }
-    if (jog) {
-      holds = true;
-      add(direction, jog);
-    }
-    holds = (holds || pointer) && document.hasFocus();
+    const withPad = addGamepad(direction);
+    const codes = [...(shift ? pressed : []), ...(jog ? [jog] : [])];
+    for (const code of codes) direction[KEYS[code][0]] += KEYS[code][1];
+    const holds = (withPad || shift || jog || pointer) && document.hasFocus();
     if (holds) {
       const clipped = direction.map((value) => Math.min(1, Math.max(-1, value)));
       if (socket.bufferedAmount === 0) socket.send(JSON.stringify(clipped));  // no old ones
@@ -104,22 +97,22 @@
   window.addEventListener('pagehide', letGo);
   document.addEventListener('visibilitychange', letGo);
 
-  const make = (tag, parent, style, text) => {
+  const make = (tag, parent, style, text = '') => {
     const element = document.createElement(tag);
     element.style.cssText = style;
-    if (text) element.textContent = text;
+    element.textContent = text;
     parent.appendChild(element);
     return element;
   };
 
-  const button = (parent, word, code, narrow) => {
+  const addButton = (parent, word, code, axis) => {
+    const letter = code.slice(-1);
     const element = make('button', parent,
       'flex: 1; padding: 6px 2px; border: 1px solid #228be6; border-radius: 4px; '
       + 'background: white; color: #1c7ed6; font: inherit; touch-action: none; '
-      + 'user-select: none; cursor: pointer;', narrow ? word : `${word} (${code.slice(-1)})`);
-    element.title = `hold to move; or hold Shift + ${code.slice(-1)}`;
-    const [row, sign] = KEYS[code];
-    element.setAttribute('aria-label', `hold: ${sign > 0 ? '+' : '-'}${'xyzabc'[row]}`);
+      + 'user-select: none; cursor: pointer;', `${word} (${letter})`);
+    element.title = `hold to move; or hold Shift + ${letter}`;
+    element.setAttribute('aria-label', `hold: ${word} ${axis}`);
     element.addEventListener('pointerdown', (event) => {
       event.preventDefault();
       window.focus();
@@ -129,51 +122,34 @@
     element.addEventListener('contextmenu', (event) => event.preventDefault());
   };
 
-  const NARROW = window.matchMedia('(max-width: 599px)');
-  let rows = 0;
-
-  const build = () => {
+  const build = (rows) => {
     const old = document.getElementById('teleop');
     if (old) old.remove();
     if (!rows) return;
-    const narrow = NARROW.matches;
-    const box = make('div', document.body,
-      'position: fixed; z-index: 20; font: 13px/1.4 system-ui, sans-serif; background: white; '
-      + 'border: 1px solid #ced4da; border-radius: 6px; box-shadow: 0 1px 4px #0003; '
-      + (narrow ? 'top: 8px; left: 8px; right: 8px;'
-        : 'bottom: 12px; left: 50%; width: 300px; margin-left: -150px;'));
+    const box = make('details', document.body,
+      'position: fixed; z-index: 20; bottom: 12px; left: 50%; width: min(300px, 90vw); '
+      + 'transform: translateX(-50%); padding: 7px 10px; font: 13px/1.4 system-ui, sans-serif; '
+      + 'background: white; border: 1px solid #ced4da; border-radius: 6px; '
+      + 'box-shadow: 0 1px 4px #0003;');
     box.id = 'teleop';
-    const head = make('button', box, 'width: 100%; padding: 7px; border: 0; border-radius: 6px; '
-      + 'background: none; font: inherit; font-weight: 600; cursor: pointer;', 'Jog the tip ▾');
-    const body = make('div', box, 'display: none; padding: 0 10px 8px;');
-    head.setAttribute('aria-expanded', 'false');
-    head.addEventListener('click', () => {
-      const opens = body.style.display === 'none';
-      body.style.display = opens ? 'block' : 'none';
-      head.textContent = opens ? 'Jog the tip ▴' : 'Jog the tip ▾';
-      head.setAttribute('aria-expanded', String(opens));
-    });
-    for (const [minus, plus, axis, back, on] of BUTTONS.slice(0, rows)) {
-      const line = make('div', body, 'display: flex; gap: 6px; align-items: center; margin: 4px 0;');
-      button(line, minus, back, narrow);
+    make('summary', box, 'font-weight: 600; cursor: pointer;', 'Jog the tip');
+    for (const [minus, plus, axis, back, on] of ROWS.slice(0, rows)) {
+      const line = make('div', box, 'display: flex; gap: 6px; align-items: center; margin: 4px 0;');
+      addButton(line, minus, back, axis);
       make('span', line, 'width: 52px; text-align: center; color: #666;', axis);
-      button(line, plus, on, narrow);
+      addButton(line, plus, on, axis);
     }
-    make('div', body, 'color: #666; font-size: 12px;',
-      narrow ? 'Axes of the base. Hold a button; let go, and the arm comes to rest.'
-        : 'Axes of the base. Hold a button, Shift and the key in brackets, or a shoulder button of a '
-        + 'gamepad with its sticks and triggers. Let go, and the arm comes to rest.');
-    status = make('div', box, 'padding: 0 10px; color: #c92a2a;');
+    make('div', box, 'color: #666; font-size: 12px;',
+      'Axes of the base. Hold a button, Shift and the key in brackets, or a shoulder button of a '
+      + 'gamepad with its sticks and triggers. Let go, and the arm comes to rest.');
+    status = make('div', box, 'color: #c92a2a;');
   };
 
   const connect = () => {
     socket = new WebSocket(`ws://${location.host}/teleop`);
     socket.addEventListener('message', (event) => {
       const message = JSON.parse(event.data);
-      if ('rows' in message) {
-        rows = message.rows;
-        build();
-      }
+      if ('rows' in message) build(message.rows);
       if ('text' in message && status) status.textContent = message.text;
     });
     socket.addEventListener('close', () => {
@@ -182,7 +158,6 @@
     });
   };
 
-  NARROW.addEventListener('change', build);  // a turned phone
   document.addEventListener('DOMContentLoaded', connect);
   setInterval(beat, PERIOD);
 })();

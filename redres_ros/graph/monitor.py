@@ -1,20 +1,29 @@
-"""A running graph from outside: its nodes' newest messages, health, parameters and services."""
+"""A running graph from outside: its nodes' newest messages, health, parameters and services, and
+the state of the arm.
+"""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import QoSProfile
-from std_msgs.msg import Float64, String
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray, String
 
-from redres_ros.errors import one_line
-from redres_ros.graph.client import PATIENCE, GraphClient
+from redres_ros.errors import RedresError, one_line
+from redres_ros.graph.client import GraphClient
+from redres_ros.nodes import controller_telemetry
+from redres_ros.nodes.controller_telemetry import Figures
+from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC, MountingParameters
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
     LATCHED,
@@ -27,6 +36,20 @@ from redres_ros.nodes.topics import (
     TASK_STATE,
 )
 from redres_ros.nodes.wire import EncodingError, deserialised
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import arm_from_urdf, choose_arm
+from redres_ros.types import finite_vector
+
+WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
+NODES = ('sim', 'planner', 'controller')
+STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
+
+_STATES = 'joint_states'
+_PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
+_LOOK = 0.02  # [s] between looks at whether it has come
+_SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are read
+# Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
+_SNAPSHOTS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Sample(NamedTuple):
@@ -58,16 +81,10 @@ class Sampler:
         self._subscriptions: dict[str, Any] = {}
 
     def add(self, topic: str, kind: type, quality: QoSProfile) -> None:
-        """Start to collect the messages of a topic, unless they are collected already.
-
-        Args:
-            topic: Its name.
-            kind: Type of its messages.
-            quality: Its depth is how many may wait.
-        """
+        """Collect the messages of a topic; the depth of the quality is how many may wait."""
         if topic not in self._subscriptions:
             self._subscriptions[topic] = self._node.create_subscription(
-                kind, topic, _never, quality, raw=True
+                kind, topic, lambda message: None, quality, raw=True
             )
 
     def remove(self, topic: str) -> None:
@@ -100,16 +117,6 @@ class Sampler:
         self._node.destroy_node()
 
 
-def _never(message: Any) -> None:
-    """Never called, because the node is not spun."""
-
-
-WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
-NODES = ('sim', 'planner', 'controller')
-
-STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
-
-
 @dataclass(frozen=True)
 class LastValue:
     """A value, and the instant [s] at which it came."""
@@ -133,14 +140,9 @@ class GraphMonitor(Node):
         samples: Messages of fast topics, which wait until they are taken.
         client: Calls the nodes' services.
         on_parameters: Called with the node and the changed values when parameters change.
-
-    Args:
-        name: Name of this node.
-        namespace: Namespace of the arm's nodes; empty: none.
-        patience: How long to wait for a service, and for its response [s].
     """
 
-    def __init__(self, name: str, namespace: str = '', patience: float = PATIENCE) -> None:
+    def __init__(self, name: str, namespace: str = '', patience: float = 5.0) -> None:
         super().__init__(name, namespace=namespace or None)
         self.values: dict[str, LastValue] = {}
         self.samples = Sampler(self)
@@ -152,7 +154,7 @@ class GraphMonitor(Node):
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
 
     def word(self, topic: str) -> str:
-        """What was published last on a topic of text; empty before anything was."""
+        """The newest text of a topic; empty before there is one."""
         return str(self.values[topic].value) if topic in self.values else ''
 
     def health(self) -> dict[str, str]:
@@ -163,35 +165,29 @@ class GraphMonitor(Node):
             last = self.values.get(node)
             if last is not None and isinstance(last.value, NodeHealth):
                 silence = now - last.at
-                health[node] = f'silent for {silence:.0f} s'
-                if silence < STALE:
-                    health[node] = last.value.text
+                is_silent = silence >= STALE
+                health[node] = f'silent for {silence:.0f} s' if is_silent else last.value.text
         return health
 
     def progress(self) -> float:
         """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
-        return float(self._newest(PROGRESS, Float64, 0.0))
+        return float(self.sampled(PROGRESS, Float64, 0.0))
 
     def limits(self) -> dict[str, set[str]]:
         """The most active limit by joint or pair of bodies; followed from the first call on."""
-        place, _, limit = self._newest(ACTIVE_LIMITS, String, '').rpartition(': ')
+        place, _, limit = str(self.sampled(ACTIVE_LIMITS, String, '')).rpartition(': ')
         return {place: {limit}} if limit else {}
 
-    def _newest(self, topic: str, kind: type, before: Any) -> Any:
-        """The newest value of a sampled topic; `before` until there is one."""
+    def sampled(self, topic: str, kind: type, default: Any = None) -> Any:
+        """The newest `data` of a topic, which is followed from the first call on."""
         self.samples.add(topic, kind, NEWEST)
         message = self.samples.newest(topic)
         if message is not None:
             self.keep(topic, message.data)
-        return self.values[topic].value if topic in self.values else before
+        return self.values[topic].value if topic in self.values else default
 
     def keep(self, source: str, value: object) -> None:
-        """Store a value with the present time.
-
-        Args:
-            source: A topic, or the name of a node.
-            value: What it published.
-        """
+        """Store a value of a topic, or of the node of that name, with the present time."""
         if isinstance(value, str):
             value = one_line(value)  # anyone may have published it
         self.values[source] = LastValue(value, time.monotonic())
@@ -221,3 +217,81 @@ class GraphMonitor(Node):
     def _own(self, name: str) -> str:
         """The name of a node in this namespace."""
         return name.removeprefix(self.get_namespace().rstrip('/') + '/')
+
+
+class LiveArm:
+    """The state of an arm from the controller's snapshots; from its own states if there are none.
+
+    Raises RedresError if the arm in the controller's parameters is not known here.
+
+    Attributes:
+        model: The arm.
+        q: Measured joint positions.
+    """
+
+    def __init__(self, monitor: GraphMonitor, values: Mapping[str, Any]) -> None:
+        self._samples = monitor.samples
+        self.model = self._find_model(values)
+        self.q = np.zeros(self.model.n)
+        self._joints = JointMapper(self.model.joint_names)
+        self._received_at = time.monotonic()  # [s] when a snapshot came last
+        self._is_silent = False  # then the states are read
+        self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _SNAPSHOTS)
+
+    def look(self) -> list[Figures]:
+        """Process the messages since the last call; returns their figures in order."""
+        figures = []
+        for sample in self._samples.take(controller_telemetry.TOPIC):
+            with suppress(RedresError):  # malformed
+                message = deserialised(sample.data, Float64MultiArray)
+                seen = controller_telemetry.from_message(message, self.model.n)
+                self.q = seen.q
+                self._received_at = time.monotonic()
+                figures.append(seen.figures)
+        self._look_at_states()
+        return figures
+
+    def fractions(self) -> np.ndarray:
+        """Position of each joint in its range, 0 to 1, (n,)."""
+        model = self.model
+        fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
+        return fractions
+
+    def _look_at_states(self) -> None:
+        """Read states while the controller is silent: else they cost the robot a message."""
+        was_silent = self._is_silent
+        self._is_silent = time.monotonic() - self._received_at > _SILENCE
+        if self._is_silent and not was_silent:
+            self._samples.add(_STATES, JointState, NEWEST)
+        elif was_silent and not self._is_silent:
+            self._samples.remove(_STATES)
+        state = self._samples.newest(_STATES) if self._is_silent else None
+        if state is not None and self._joints.concerns(state):
+            with suppress(RedresError):  # malformed
+                self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
+
+    def _find_model(self, values: Mapping[str, Any]) -> RobotModel:
+        links = (values['tip_frame'], values['elbow_frame'])
+        if values['robot'] == TOPIC:
+            arm = arm_from_urdf(self._await_description(), *links)
+        else:
+            arm = choose_arm(values['robot'], *links)
+        mounting = {field.name: values[field.name] for field in fields(MountingParameters)}
+        for name, value in mounting.items():
+            if not isinstance(value, (float, str)):
+                mounting[name] = tuple(value)
+        return RobotModel(MountingParameters(**mounting).mount(arm))
+
+    def _await_description(self) -> str:
+        """The URDF on the topic; empty if none comes."""
+        self._samples.add(DESCRIPTION, String, LATCHED)
+        until = time.monotonic() + _PATIENCE
+        try:
+            while time.monotonic() < until:
+                message = self._samples.newest(DESCRIPTION)
+                if message is not None:
+                    return str(message.data)
+                time.sleep(_LOOK)
+            return ''
+        finally:
+            self._samples.remove(DESCRIPTION)

@@ -11,8 +11,7 @@ import numpy as np
 import viser
 
 from redres_ros.files.plugins import load_plugins
-from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
-from redres_ros.graph.live_arm import LiveArm
+from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
 from redres_ros.limits.shapes import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
 from redres_ros.nodes.parameters import NONE, declare
@@ -21,11 +20,10 @@ from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.view.controls import Bindings, add_controls, add_faults
-from redres_ros.view.dead_man import TeleopChannel
-from redres_ros.view.origin_check import ADDRESS, close_server, open_server
-from redres_ros.view.panel import Plots, joint_bars, limits_text, state_text
+from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.teleoperation import Teleoperation
+from redres_ros.view.server import ADDRESS, TeleopChannel, close_server, open_server
+from redres_ros.view.steering import Steering
 
 _NICENESS = 10  # with few processors, observers must wait for the nodes
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
@@ -41,7 +39,7 @@ class Page:
     Args:
         server: viser's server, still empty.
         monitor: Observes the graph; spun elsewhere.
-        channel: Channel of the page's own script.
+        channel: Of the script that steers.
 
     Raises:
         CallError: The controller or the planner is not there.
@@ -54,10 +52,10 @@ class Page:
         self._server = server
         self._monitor = monitor
         client = monitor.client
-        is_fake = client.offers('sim')
         values = {
             'controller': client.parameters('controller'),
-            'sim': client.parameters('sim') if is_fake else {},  # none beside a real robot
+            # None beside a real robot.
+            'sim': client.parameters('sim') if client.offers('sim') else {},
         }
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
@@ -66,16 +64,16 @@ class Page:
         task = load_task(name) if name else task_for(model.arm, planner['robot'])
         self._scene = ArmScene(server, model, task.waypoints)
         self._bindings = Bindings(client, values)
-        self._add_seen(values['controller']['law'])
+        self._add_panel(values['controller']['law'])
         add_controls(server.gui, self._bindings)
         server.gui.main_panel.dock_right()
-        self._teleoperation = Teleoperation(
+        self._steering = Steering(
             server, monitor, self._bindings, self._scene, model, channel.dead_man
         )
-        if is_fake:
+        if values['sim']:
             add_faults(server.gui, self._bindings)
-        channel.status = self._teleoperation.status
-        channel.rows = self._teleoperation.rows
+        channel.status = self._steering.status
+        channel.rows = self._steering.rows
         self._show_walls()
         self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
         self._paths: dict[str, deque[np.ndarray]] = {
@@ -87,13 +85,13 @@ class Page:
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
         ended = threading.Event()
-        teleoperation = threading.Thread(target=self._teleoperation.run, args=(ended,))
-        teleoperation.start()
+        steering = threading.Thread(target=self._steering.run, args=(ended,))
+        steering.start()
         try:
             self._show(stopped)
         finally:
             ended.set()
-            teleoperation.join()
+            steering.join()
 
     def _show(self, stopped: threading.Event) -> None:
         number = 0
@@ -108,14 +106,12 @@ class Page:
                 if number % _SLOWLY == 0:
                     self._show_slowly()
 
-    def _add_seen(self, law: str) -> None:
-        """Add the status panel on the left."""
+    def _add_panel(self, law: str) -> None:
+        """Add the panel on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
         with seen.add_tab('state'):
             self._state = gui.add_html('')
-            with gui.add_folder('task scaling s'):
-                self._leave = gui.add_html('')
             with gui.add_folder('joint positions, active limits'):
                 self._bars = gui.add_html('')
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
@@ -141,7 +137,7 @@ class Page:
         if not np.array_equal(self._arm.q, self._shown):
             self._shown = self._arm.q
             self._scene.show(self._shown)
-        self._teleoperation.follow(self._shown)
+        self._steering.tip.follow(self._shown)
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
@@ -149,8 +145,7 @@ class Page:
         self._state.content = state_text(newest, self._monitor.health(), progress)
         arm = self._arm
         limits = self._monitor.limits()
-        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, limits)
-        self._leave.content = limits_text(limits)
+        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions(), limits)
         for name, path in self._paths.items():
             self._scene.trace(name, np.array(path))
         if len(self._figures) > 1:
@@ -201,13 +196,7 @@ class _ViewNode(GraphMonitor):
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait for the graph, and serve the page until the event is set.
 
-        Args:
-            stopped: Ends it.
-            spinner: Runs the callbacks, in another thread.
-
-        Raises:
-            CallError: No graph has appeared.
-            OriginError: A server that would let in strangers.
+        Raises CallError if no graph has appeared, and OriginError if others could load the page.
         """
         with spinner.in_thread():
             if self.client.await_nodes(stopped, self._settings.patience):

@@ -1,0 +1,283 @@
+"""The messages of a demo's nodes by the stamps of the robot's states: its motion, its cycles."""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32, String
+
+from redres_ros.command import Command
+from redres_ros.graph.monitor import Sample, Sampler
+from redres_ros.kernels.tick import rotation_error
+from redres_ros.laws import Law
+from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE
+from redres_ros.nodes.wire import deserialised, stamp_of
+from redres_ros.planning.planner import Reference
+from redres_ros.planning.task_executor import TaskState
+from redres_ros.resolution import Solution
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.rotation import from_quaternion
+from redres_ros.simulation.recording import MotionRecorder, Recording
+
+STATES = 'joint_states'
+COMMANDS = 'joint_command'
+DESIRED = 'planner/desired_pose'
+FORCES = 'wrench'
+SEGMENT = 'planner/segment'
+LAW = 'controller/law'
+SCALING = 'controller/task_scaling'
+
+_STAMPED = {
+    STATES: JointState,
+    COMMANDS: JointState,
+    DESIRED: PoseStamped,
+    FORCES: WrenchStamped,
+}
+_UNSTAMPED = {
+    SEGMENT: Int32,
+    TASK_STATE: String,
+    LAW: String,
+    SCALING: Float64,
+    REASON: String,
+    SESSION: String,
+}
+# What the node publishes in the same callback, and before it, gives these a stamp.
+_CLOCKS = {
+    SEGMENT: DESIRED,
+    TASK_STATE: DESIRED,
+    LAW: COMMANDS,
+    SCALING: COMMANDS,
+    REASON: STATES,
+    SESSION: STATES,
+}
+# Best effort: an observer must not delay the nodes. Deep enough for some seconds without a look.
+_DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LATCHED = (TASK_STATE, REASON, SESSION)
+_DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_HELD_UP = 1.5  # cycles between two states, beyond which the robot's clock stood still
+
+
+class Log:
+    """What was published of one run, by the stamp [ns] of the robot's state.
+
+    Attributes:
+        states: Measured joint positions.
+        commands: q_ref [rad] and dq [rad/s].
+        desired: Position [m] and quaternion of the tip, (7,).
+        forces: Forces of the environment on the tip, (3,) [N].
+        sent: When a stamped message was published [ns], by topic and stamp.
+        newest: Stamp of the newest state; 0 before the first.
+    """
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        self.states: dict[int, np.ndarray] = {}
+        self.commands: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self.desired: dict[int, np.ndarray] = {}
+        self.forces: dict[int, np.ndarray] = {}
+        self.sent: dict[str, dict[int, int]] = {topic: {} for topic in _STAMPED}
+        self.newest = 0
+        self._topics = {**_STAMPED, **_UNSTAMPED}  # that are followed
+        self._joints = JointMapper(joint_names)
+        self._changes: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in _UNSTAMPED}
+        self._last_data: dict[str, bytes] = {}  # of topics without stamps
+
+    def collect(self, samples: Sampler) -> None:
+        """Take what has come; the topics are subscribed to by the first call."""
+        for topic, kind in self._topics.items():
+            samples.add(topic, kind, _DEEP_LATCHED if topic in _LATCHED else _DEEP)
+            for sample in samples.take(topic):
+                self.enter(topic, sample)
+
+    def close(self, samples: Sampler) -> None:
+        """Enter no more messages; of the states, the newest stamp is still followed."""
+        for topic in self._topics.keys() - {STATES}:
+            samples.remove(topic)
+        self._topics = {STATES: JointState}
+
+    def enter(self, topic: str, sample: Sample) -> None:
+        """Enter a message; of those without a stamp, the changes."""
+        if topic in _STAMPED:
+            stamp = stamp_of(sample.data)
+            if topic == STATES:
+                self.newest = stamp
+                if LAW not in self._topics:  # closed
+                    return
+            self.sent[topic].setdefault(stamp, sample.sent)  # a robot that waits repeats a state
+            self._enter_stamped(topic, stamp, deserialised(sample.data, _STAMPED[topic]))
+        elif self._last_data.get(topic) != sample.data:
+            self._last_data[topic] = sample.data
+            value = deserialised(sample.data, _UNSTAMPED[topic]).data
+            self._changes[topic].append((sample.sent, value))
+
+    def _enter_stamped(self, topic: str, stamp: int, message: Any) -> None:
+        if topic == STATES:
+            self.states[stamp] = self._joints.positions(message)
+        elif topic == COMMANDS:
+            velocities = self._joints.velocities(message)
+            self.commands[stamp] = (self._joints.positions(message), velocities)
+        elif topic == DESIRED:
+            x = message.pose.position
+            turn = message.pose.orientation
+            self.desired[stamp] = np.array((x.x, x.y, x.z, turn.x, turn.y, turn.z, turn.w))
+        else:
+            force = message.wrench.force
+            self.forces[stamp] = np.array((force.x, force.y, force.z))
+
+    def words(self, topic: str) -> tuple[str, ...]:
+        """What was published on a topic of text, in order."""
+        return tuple(value for _, value in self._changes[topic])
+
+    def changes(self, topic: str) -> dict[int, Any]:
+        """The values of a topic without stamps, by the stamp at which each was new; 0: before."""
+        clock = self.sent[_CLOCKS[topic]]
+        stamps = [0, *clock]
+        times = list(clock.values())
+        return {stamps[bisect_right(times, sent)]: value for sent, value in self._changes[topic]}
+
+    def values_at(self, topic: str, stamps: Sequence[int], default: Any) -> list[Any]:
+        """The values of a topic without stamps at some stamps; before all, the first one."""
+        changes = self.changes(topic)
+        if not changes:
+            return [default] * len(stamps)
+        known = sorted(changes)
+        return [changes[known[max(bisect_right(known, stamp) - 1, 0)]] for stamp in stamps]
+
+    def finished(self) -> bool:
+        """Whether the last point was reached, the last time if there were several."""
+        return self.words(TASK_STATE)[-1:] == (TaskState.FINISHED.value,)
+
+    def stopped(self) -> tuple[float, str]:
+        """Stamp at which the robot stopped itself, and why; infinite and empty if it did not."""
+        reasons = self.changes(REASON).items()
+        return min((item for item in reasons if item[1]), default=(np.inf, ''))
+
+    def under_way(self) -> list[int]:
+        """Stamps of the states while the planner moved and the robot took commands, in every round;
+        those that the planner missed included.
+        """
+        words = self.changes(TASK_STATE)
+        stopped_at, _ = self.stopped()
+        rounds: list[list[int]] = []
+        word = ''
+        for stamp in sorted(self.desired.keys() | words.keys()):
+            before = word
+            word = words.get(stamp, word)
+            if word != TaskState.MOVING.value:
+                continue
+            if before != word:
+                rounds.append([])
+            if stamp in self.desired and stamp <= stopped_at:
+                rounds[-1].append(stamp)
+        states = sorted(self.states)
+        under_way = []
+        for planned in filter(None, rounds):
+            under_way += states[bisect_left(states, planned[0]) : bisect_right(states, planned[-1])]
+        return under_way
+
+    def desired_at(self, stamps: Sequence[int]) -> np.ndarray:
+        """Desired poses at some stamps, (N, 7); interpolated if the planner missed one."""
+        known = sorted(self.desired)
+        poses = np.array([self.desired[stamp] for stamp in known])  # (N, 7)
+        at = np.array(stamps) - known[0]
+        of = np.array(known) - known[0]  # [ns], small enough for a float
+        return np.column_stack([np.interp(at, of, column) for column in poses.T])
+
+    def switches(self) -> tuple[tuple[float, str, str], ...]:
+        """Changes of the law under way: seconds since the task began, name before, name after."""
+        stamps = self.under_way()
+        laws = self.values_at(LAW, stamps, '')
+        return tuple(
+            ((stamp - stamps[0]) / 1e9, before, after)
+            for stamp, (before, after) in zip(stamps[1:], pairwise(laws), strict=True)
+            if before != after
+        )
+
+
+def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, float]:
+    """How many states between two stamps [ns] got their command in time, late, or not at all.
+
+    `in_time`: sent within the cycle; `waited_for`: later, but before the next state, because the
+    robot's clock stood still; `late`: after the next state; `missed`: never; `stood_still`: for how
+    long the clock did [s]. The period [s] is infinite in lock-step, where there is no clock.
+    """
+    sent = log.sent[STATES]
+    returned = log.sent[COMMANDS]
+    after = dict(pairwise(sorted(sent)))
+    counts = {'in_time': 0, 'waited_for': 0, 'late': 0, 'missed': 0, 'stood_still': 0.0}
+    for stamp in sorted(sent):
+        if not first <= stamp <= last:
+            continue
+        cycle = period
+        if stamp in after:
+            cycle = (sent[after[stamp]] - sent[stamp]) / 1e9
+        if cycle > _HELD_UP * period:
+            counts['stood_still'] += cycle - period
+        latency = (returned[stamp] - sent[stamp]) / 1e9 if stamp in returned else None
+        if latency is None:
+            counts['missed'] += 1
+        elif latency > cycle:
+            counts['late'] += 1
+        else:
+            counts['in_time' if latency <= period else 'waited_for'] += 1
+    return counts
+
+
+def replay(
+    log: Log, model: RobotModel, make_law: Callable[[str], Law], T: float, pose: bool = False
+) -> Recording:
+    """The table of a run, from the stamp at which the task began.
+
+    A state without a command has no row. Norms of accelerations reach back to the last command,
+    which is more than T ago where a cycle was missed.
+
+    Args:
+        log: Log of the run.
+        model: Model of the arm.
+        make_law: The law of a name, with the gains that it had.
+        T: Sampling time.
+        pose: Whether the task has an orientation.
+    """
+    under_way = log.under_way()
+    poses: dict[int, tuple[np.ndarray, str, float, int]] = {}
+    if under_way:
+        columns = (
+            log.desired_at(under_way),
+            log.values_at(LAW, under_way, ''),
+            log.values_at(SCALING, under_way, 1.0),
+            log.values_at(SEGMENT, under_way, 0),
+        )
+        poses = dict(zip(under_way, zip(*columns, strict=True), strict=True))
+    recorder = MotionRecorder(model, T, pose)
+    dq_prev = np.zeros(model.n)
+    stamp_prev = 0
+    for stamp in sorted(log.states.keys() & log.commands.keys()):
+        q_ref, dq = log.commands[stamp]
+        if stamp in poses:
+            desired, law, s, segment = poses[stamp]
+            state = model.state(log.states[stamp], dq_prev)
+            elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
+            J = state.J if pose else state.J[:3]
+            solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
+            command = Command(solution, q_ref, state, elapsed)
+            reference = _reference(desired, state, segment, pose)
+            recorder.add((stamp - under_way[0]) / 1e9, command, reference)
+        dq_prev = dq
+        stamp_prev = stamp
+    _, reason = log.stopped()
+    return recorder.recording(reason, finished=log.finished() and not reason)
+
+
+def _reference(desired: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
+    """The planner's reference, without its velocity."""
+    x_d = desired[:3]
+    reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
+    if not pose:
+        return reference
+    R_d = from_quaternion(desired[3:])
+    return reference._replace(R_d=R_d, orientation_error=rotation_error(state.R, R_d))

@@ -1,0 +1,272 @@
+"""From the nodes' messages to a table and a summary."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int32, String
+
+from redres_ros.controller import Controller
+from redres_ros.demo.observation import (
+    COMMANDS,
+    DESIRED,
+    LAW,
+    SEGMENT,
+    STATES,
+    Log,
+    count_cycles,
+    replay,
+)
+from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome, PressingFigures
+from redres_ros.graph.monitor import Sample
+from redres_ros.laws import make_law
+from redres_ros.nodes.topics import REASON, TASK_STATE
+from redres_ros.nodes.wire import stamp_of, to_time
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.waypoints import load_task
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.recording import MotionRecorder, Recording, columns
+from redres_ros.simulation.report import print_tables
+
+T = 0.002  # [s]
+PERIOD = 2_000_000  # [ns]
+NAMES = RobotModel.named('lwr4_paper').joint_names
+MS = 1_000_000  # [ns]
+ZERO = np.zeros(7)
+
+
+class Graph:
+    """Nodes that publish into a log, at instants [ns] that go up."""
+
+    def __init__(self) -> None:
+        self.log = Log(NAMES)
+        self.now = 10**15
+
+    def publish(self, topic: str, message: Any, at: int | None = None) -> None:
+        self.now += 1000
+        sent = self.now if at is None else at
+        self.log.enter(topic, Sample(serialize_message(message), sent, sent))
+
+    def publish_state(self, tick: int, q: np.ndarray = ZERO, at: int | None = None) -> None:
+        self.publish(STATES, joint_state(tick, q), at)
+
+    def publish_command(
+        self, tick: int, q: np.ndarray = ZERO, dq: np.ndarray = ZERO, at: int | None = None
+    ) -> None:
+        self.publish(COMMANDS, joint_state(tick, q, dq), at)
+
+    def publish_desired(self, tick: int, x: np.ndarray = ZERO) -> None:
+        message = PoseStamped()
+        message.header.stamp = to_time(tick * PERIOD)
+        position = message.pose.position
+        position.x, position.y, position.z = map(float, x[:3])
+        self.publish(DESIRED, message)
+
+    def publish_word(self, topic: str, word: str) -> None:
+        self.publish(topic, String(data=word))
+
+
+def joint_state(tick: int, q: np.ndarray, dq: np.ndarray = ZERO) -> JointState:
+    message = JointState(name=NAMES, position=q.tolist(), velocity=dq.tolist())
+    message.header.stamp = to_time(tick * PERIOD)
+    return message
+
+
+def ticks(stamps: list[int]) -> list[int]:
+    return [stamp // PERIOD for stamp in stamps]
+
+
+def test_a_stamp_is_found_without_reading_the_message() -> None:
+    message = joint_state(0, ZERO)
+    message.header.stamp = to_time(1_763_712_345 * 10**9 + 987_654_321)
+    assert stamp_of(serialize_message(message)) == 1_763_712_345 * 10**9 + 987_654_321
+
+
+def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_of_its_node_before_it() -> None:
+    graph = Graph()
+    graph.publish_word(TASK_STATE, 'idle')
+    graph.publish_desired(7)
+    graph.publish(SEGMENT, Int32(data=2))
+    graph.publish_state(8)
+    graph.publish_desired(9)
+    graph.publish(SEGMENT, Int32(data=2))
+    graph.publish_word(TASK_STATE, 'moving')
+    assert graph.log.changes(TASK_STATE) == {0: 'idle', 9 * PERIOD: 'moving'}
+    assert graph.log.changes(SEGMENT) == {7 * PERIOD: 2}
+    stamps = [6 * PERIOD, 7 * PERIOD, 9 * PERIOD]
+    assert graph.log.values_at(SEGMENT, stamps, 0) == [2, 2, 2]
+    assert graph.log.values_at(TASK_STATE, stamps, '') == ['idle', 'idle', 'moving']
+    assert graph.log.values_at(LAW, stamps, 'none') == ['none'] * 3
+
+
+def exchange(*times: tuple[float, float | None]) -> Log:
+    """States that were sent and commands for them at some times [ms], by tick."""
+    graph = Graph()
+    for tick, (sent, returned) in enumerate(times, 1):
+        graph.publish_state(tick, at=int(sent * MS))
+        if returned is not None:
+            graph.publish_command(tick, at=int(returned * MS))
+    return graph.log
+
+
+def test_every_cycle_is_counted_as_one_of_four() -> None:
+    log = exchange(
+        (0.0, 1.0),  # in time
+        (2.0, 5.0),  # late: the next state went out at 4
+        (4.0, None),  # no command
+        (6.0, 9.0),  # the clock waited
+        (9.5, 10.0),  # in time
+    )
+    assert count_cycles(log, T, PERIOD, 5 * PERIOD) == {
+        'in_time': 2,
+        'waited_for': 1,
+        'late': 1,
+        'missed': 1,
+        'stood_still': pytest.approx(0.0015),
+    }
+
+
+def test_cycles_before_and_after_the_task_do_not_count() -> None:
+    log = exchange((0.0, 1.0), (2.0, None), (4.0, 5.0), (6.0, None))
+    cycles = count_cycles(log, T, 2 * PERIOD, 3 * PERIOD)
+    assert (cycles['in_time'], cycles['late'], cycles['missed']) == (1, 0, 1)
+
+
+def test_in_lock_step_there_is_no_clock_to_be_late_for() -> None:
+    cycles = count_cycles(exchange((0.0, 50.0), (60.0, 61.0)), np.inf, PERIOD, 2 * PERIOD)
+    assert (cycles['in_time'], cycles['stood_still']) == (2, 0.0)
+
+
+def test_rounds_are_what_the_planner_moved_through_until_the_robot_stopped() -> None:
+    graph = Graph()
+    words = {10: 'moving', 13: 'finished', 20: 'moving'}
+    for tick in range(30):
+        graph.publish_state(tick)
+        if tick == 22:
+            graph.publish_word(REASON, 'a reason')
+        if 10 <= tick < 16 or 20 <= tick < 26:
+            graph.publish_desired(tick)
+        if tick in words:
+            graph.publish_word(TASK_STATE, words[tick])
+    log = graph.log
+    assert ticks(log.under_way()) == [10, 11, 12, 20, 21, 22]
+    assert log.stopped() == (22 * PERIOD, 'a reason')
+    assert not log.finished()
+
+
+def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:
+    graph = Graph()
+    for tick in range(10, 15):
+        graph.publish_state(tick)
+    graph.publish_desired(10)
+    graph.publish_word(TASK_STATE, 'moving')
+    graph.publish_desired(13, np.full(3, 0.3))
+    assert ticks(graph.log.under_way()) == [10, 11, 12, 13]
+    between = graph.log.desired_at([11 * PERIOD, 12 * PERIOD])
+    np.testing.assert_allclose(between[:, :3], [[0.1] * 3, [0.2] * 3])
+
+
+def test_a_switch_is_reported_with_both_names_and_when() -> None:
+    graph = Graph()
+    for tick in range(1, 5):
+        graph.publish_state(tick)
+        graph.publish_command(tick)
+        graph.publish_word(LAW, 'one' if tick < 3 else 'two')
+        graph.publish_desired(tick)
+        graph.publish_word(TASK_STATE, 'moving')
+    assert graph.log.switches() == ((0.004, 'one', 'two'),)
+
+
+@pytest.fixture(scope='module')
+def rows_and_log() -> tuple[Recording, Log, RobotModel]:
+    """The beginning of an ideal loop: its own table, and what nodes would have published of it."""
+    model = RobotModel.named('lwr4_paper')
+    task = load_task('rectangle')
+    controller = Controller(model, make_law('dynamically_consistent'), T)
+    planner = Planner(task)
+    graph = Graph()
+    q = task.start
+    motion = MotionRecorder(model, T)
+    for k in range(200):
+        reference = planner.reference(model.tip(q)[0], k * T)
+        command = controller.update(q, reference.dx)
+        motion.add(k * T, command, reference)
+        tick = k + 1000
+        graph.publish_state(tick, q)
+        graph.publish_command(tick, command.q_ref, command.dq)
+        graph.publish_word(LAW, 'dynamically_consistent')
+        graph.publish_desired(tick, reference.x_d)
+        graph.publish(SEGMENT, Int32(data=reference.segment))
+        graph.publish_word(TASK_STATE, 'moving')
+        q = command.q_ref
+    return motion.recording(''), graph.log, model
+
+
+def test_the_table_from_a_log_is_that_of_the_loop(
+    rows_and_log: tuple[Recording, Log, RobotModel],
+) -> None:
+    expected, log, model = rows_and_log
+    got = replay(log, model, make_law, T)
+    assert len(got.data) == len(expected.data)
+    for name in columns(model.n):
+        np.testing.assert_allclose(got[name], expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_the_figures_of_a_motion_are_those_of_its_rows(
+    rows_and_log: tuple[Recording, Log, RobotModel],
+) -> None:
+    recording, _, _ = rows_and_log
+    task = load_task('rectangle')
+    motion = MotionFigures.of(recording, task, 0.1)
+    assert motion.error[0] == recording['task_error'].max()
+    # From a path along y.
+    path_deviation = recording.vectors('x')[:, (0, 2)] - task.waypoints[0, (0, 2)]
+    assert motion.path_deviation[0] == pytest.approx(np.linalg.norm(path_deviation, axis=1).max())
+    assert motion.seconds == pytest.approx(199 * T)
+    dq = recording.vectors('dq1')
+    assert motion.jump == pytest.approx(np.abs(np.diff(dq[:51], axis=0, prepend=0.0)).max())
+    still = recording['joint_velocity_norm'] <= 1e-4
+    assert motion.still == pytest.approx(T * still.sum())
+    assert motion.delay == pytest.approx(recording['t'][np.argmin(still)])
+
+
+def test_a_force_is_judged_from_a_second_after_the_first_touch_on() -> None:
+    t = np.arange(0.0, 3.0, 0.5)
+    forces = np.zeros((len(t), 4))
+    forces[:, 0] = t
+    forces[:, 3] = (0.0, 30.0, 25.0, 21.0, 0.0, 20.0)
+    pressing = PressingFigures.of(forces, np.array((0.0, 0.0, 20.0)))
+    assert pressing is not None
+    assert (pressing.peak, pressing.largest, pressing.contact_lost) == (30.0, 20.0, 1)
+    assert pressing.rms == pytest.approx(np.sqrt((1.0 + 400.0) / 3.0))
+    assert PressingFigures.of(forces[:2], np.array((0.0, 0.0, 20.0))) is None
+
+
+def test_a_run_that_ended_early_or_in_which_a_node_grew_did_not_succeed() -> None:
+    empty = np.zeros((0, len(columns(7))))
+    finished = Recording(empty, 7, T, True, '')
+    good: dict[str, Any] = {'motion': None, 'cycles': None, 'session': (), 'stop_reason': ''}
+    assert Outcome(finished, **good).succeeded
+    assert not Outcome(Recording(empty, 7, T, False, ''), **good).succeeded
+    assert not Outcome(finished, **{**good, 'stop_reason': 'a reason'}).succeeded
+    assert not Outcome(finished, **good, interrupted=True).succeeded
+    grown = Endurance(2, 8.0, {'sim': (100.0, 106.0)})
+    assert not Outcome(finished, **good, endurance=grown).succeeded
+
+
+@pytest.mark.parametrize(('waited_for', 'is_noted'), [(10, False), (2000, True)])
+def test_late_commands_are_put_down_to_a_busy_computer(
+    waited_for: int, is_noted: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    in_time = 4000 - waited_for
+    cycles = {'in_time': in_time, 'waited_for': waited_for, 'late': 0, 'missed': 0}
+    recording = Recording(np.zeros((0, len(columns(7)))), 7, T, True, '')
+    outcome = Outcome(recording, None, {**cycles, 'stood_still': 1.0}, stop_reason='', session=())
+    print_tables(outcome.table('title'))
+    assert ('this computer was busy' in capsys.readouterr().out) == is_noted
