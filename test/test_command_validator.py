@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from redres_ros.errors import ArrayError, FileError
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.profile import FCI, LWR_FRI1
 from redres_ros.fake_robot.robot import ReferenceInterpolator
@@ -65,18 +64,6 @@ def test_limits_go_from_base_to_tip_whatever_the_order_of_the_file(tmp_path):
     assert limits.acceleration.tolist() == [np.inf, np.inf]
 
 
-@pytest.mark.parametrize('velocity', ['', 'velocity="0"', 'velocity="nan"'])
-def test_a_joint_without_a_velocity_limit_is_an_error(tmp_path, velocity):
-    (tmp_path / 'two.urdf').write_text(TWO_JOINTS.replace('velocity="2"', velocity))
-    with pytest.raises(FileError, match='second'):
-        JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
-
-
-def test_acceleration_limits_for_other_joints_are_an_error():
-    with pytest.raises(ArrayError, match='acceleration_limit'):
-        JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=(1.0, 2.0)))
-
-
 # --- validator ------------------------------------------------------------------------------------
 
 
@@ -105,13 +92,6 @@ def test_a_protective_stop_names_joint_window_got_and_allowed():
     # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, tolerated;
     # with 5 it is 31 %.
     assert reason == 'protective stop: lwr_a4_joint commanded 57 rad/s^2 over 20 ms, allowed 43.6'
-
-
-def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
-    # [rad/s] ten times the limit within a cycle
-    jump = LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]
-    for share, stops in ((0.99, False), (1.09, False), (1.11, True)):
-        assert bool(CommandValidator(LIMITS, T).violation(ZERO, share * jump)) is stops
 
 
 @pytest.mark.parametrize(
@@ -156,56 +136,13 @@ def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
     )
 
 
-AT_99_PERCENT = {
-    'lower position': np.tile(0.99 * LIMITS.lower, (5000, 1)),
-    'upper position': np.tile(0.99 * LIMITS.upper, (5000, 1)),
-    'velocity': 0.99 * LIMITS.velocity * T * (np.arange(350)[:, None] - 175.0),
-    'acceleration': to_and_fro(0.99 * LIMITS.acceleration, 20000),
-}
-
-
-def from_rest(positions: np.ndarray) -> np.ndarray:
-    """The positions (N, 7), and before them the way up to their velocity, at half the acceleration
-    limits at most.
-    """
-    step = positions[1] - positions[0]  # (7,)
-    n = max(1, math.ceil(np.max(np.abs(step) / (0.5 * LIMITS.acceleration * T * T))))
-    ahead = np.cumsum(np.arange(n)[::-1] / n)[::-1, None]  # (n, 1) steps to the first position
-    return np.vstack((positions[0] - ahead * step, positions))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('which', AT_99_PERCENT)
-@pytest.mark.parametrize('seed', range(3))
-def test_noise_of_encoders_at_99_percent_of_a_limit_stops_nothing(which, seed):
-    assert (
-        violation_on_the_way(
-            CommandValidator(LIMITS, T), noisy(from_rest(AT_99_PERCENT[which]), seed)
-        )
-        == ''
-    )
-
-
-def test_without_tolerance_noise_at_99_percent_of_the_acceleration_limit_would_stop_the_arm():
-    strict = CommandValidator(LIMITS, T, replace(LWR_FRI1, acceleration_tolerance=0.0))
-    assert violation_on_the_way(strict, AT_99_PERCENT['acceleration']) == ''
-    assert 'protective stop' in violation_on_the_way(
-        strict, noisy(AT_99_PERCENT['acceleration'], 0)
-    )
-
-
-def test_no_noise_of_less_than_20_microradians_stops_the_arm_at_the_acceleration_limit():
-    # Excesses are differences of four positions over T * window; from cycle to cycle they cancel
-    # but for the first and the last. So noise of amplitude e adds up to 4 e / (T * window) at most,
-    # wherever the sum began.
-    random = np.random.default_rng(0)
-    stream = to_and_fro(0.999 * LIMITS.acceleration, 3000)
-    for noise in (
-        random.uniform(-1.0, 1.0, stream.shape),
-        random.choice([-1.0, 1.0], stream.shape),
-        np.where(np.arange(3000)[:, None] // 10 % 2, 1.0, -1.0) * np.ones(7),
-    ):
-        assert violation_on_the_way(CommandValidator(LIMITS, T), stream + 2e-5 * noise) == ''
+@pytest.mark.parametrize(('tolerance', 'stops'), [(0.0, True), (2e-4, False)])
+def test_the_tolerance_lets_noise_at_99_percent_of_the_acceleration_limit_pass(tolerance, stops):
+    profile = replace(LWR_FRI1, acceleration_tolerance=tolerance)
+    stream = to_and_fro(0.99 * LIMITS.acceleration, 5000)
+    assert violation_on_the_way(CommandValidator(LIMITS, T, profile), stream) == ''
+    reason = violation_on_the_way(CommandValidator(LIMITS, T, profile), noisy(stream, 0))
+    assert reason.startswith('protective stop') is stops
 
 
 def test_the_window_is_that_of_the_profile_and_at_least_a_cycle():
@@ -223,19 +160,11 @@ def test_no_acceleration_limit_never_stops():
     assert violation_on_the_way(unlimited, accelerated(1e3, 0, 20)) == ''
 
 
-def test_begin_forgets_the_stream():
-    validator = CommandValidator(LIMITS, T)
-    for _ in range(20):
-        validator.violation(ZERO, 0.3 + ZERO)
-    validator.begin()
-    assert validator.violation(ZERO, -0.3 + ZERO) == ''  # -0.3 rad/s after 0.3 would be 30 rad/s^2
-
-
-def test_begin_forgets_an_excess():
+def test_begin_forgets_the_velocity_and_the_excess():
     validator = CommandValidator(LIMITS, T)
     jump = 1.09 * 0.020 * LIMITS.acceleration * np.eye(7)[0]
-    for _ in range(3):
-        assert validator.violation(ZERO, jump) == ''  # a second time in a row would be too much
+    for sign in (1.0, -1.0, -1.0):  # a second one would be too much
+        assert validator.violation(ZERO, sign * jump) == ''
         validator.begin()
 
 
@@ -342,14 +271,13 @@ def test_braking_without_acceleration_limits_ends_at_once():
     assert (brake(interpolator)[-1] == at_speed[-1]).all()
 
 
-@pytest.mark.parametrize('sign', [-1.0, 1.0])
-def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
-    q = sign * (LIMITS.upper + 0.1)
+def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back():
+    q = LIMITS.upper + 0.1
     interpolator = ReferenceInterpolator(LIMITS, T, q)
-    inwards = q - sign * np.arange(200)[:, None] * 0.001
+    inwards = q - np.arange(200)[:, None] * 0.001
     assert (follow(interpolator, inwards) == inwards[1:]).all()
-    follow(interpolator, interpolator.reference + sign * np.arange(400)[:, None] * 0.001)
-    assert (interpolator.reference == sign * LIMITS.upper).all()
+    follow(interpolator, interpolator.reference + np.arange(400)[:, None] * 0.001)
+    assert (interpolator.reference == LIMITS.upper).all()
 
 
 @pytest.mark.parametrize('joint', [1, 6])

@@ -179,20 +179,6 @@ def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
 # --- what MuJoCo knows of the arm -----------------------------------------------------------------
 
 
-def test_the_jacobian_is_the_derivative_of_the_tip_position():
-    reference = ReferenceModel(find_arm('lwr4'))
-    h = 1e-6
-    for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
-        changes = [
-            reference.kinematics(q + h * e)[0] - reference.kinematics(q - h * e)[0]
-            for e in np.eye(7)
-        ]
-        # Rounding is 1e-16 / h, the remainder of the differences h^2.
-        assert reference.kinematics(q)[2][:3] == pytest.approx(
-            np.transpose(changes) / (2.0 * h), abs=1e-9
-        )
-
-
 def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
     arm = find_arm('lwr4')
     with_rotors, without = (
@@ -296,13 +282,6 @@ def test_when_the_push_is_over_the_arm_comes_back(force):
     plant = MujocoPlant(find_arm('lwr4'), T, Q0)
     pushed(plant, force)
     assert pushed(plant, (0.0, 0.0, 0.0)) == pytest.approx(Q0, abs=1e-9)
-
-
-def test_an_ideal_arm_yields_to_no_push():
-    plant = plants(Q0)[0]
-    plant.push(np.full(3, 500.0))
-    plant.step(Q0)
-    assert (plant.q == Q0).all()
 
 
 def test_the_force_on_the_tip_is_reported_along_the_axes_of_the_tip() -> None:

@@ -3,7 +3,7 @@
 A Franka arm at 1000 Hz, whose client commands a motion that each test continues in its own way.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -16,14 +16,9 @@ from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.profile import Reflex, State
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
-from redres_ros.laws import LAWS
-from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.loop.settings import LoopSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop
-from redres_ros.simulation.operators import GoalOperator, Operator
-from redres_ros.simulation.recording import Recording
 
 T = 0.001  # [s]
 LIMITS = JointLimits.of(find_arm('fr3'))
@@ -50,22 +45,22 @@ class Client:
         self.connection.advance()
         self.states.append(self.session.state)
 
-    def say(self, q: np.ndarray) -> None:
+    def command(self, q: np.ndarray) -> None:
         """Respond to the state of this tick, and let the robot have it."""
         self.q = q
         self.connection.send(self.connection.robot.tick - 1, q)
         self.advance()
 
-    def stand(self, cycles: int) -> None:
+    def hold(self, cycles: int) -> None:
         """Respond from the spot."""
         for _ in range(cycles):
-            self.say(self.q)
+            self.command(self.q)
 
     def accelerate(self, acceleration: float, cycles: int, velocity: float = 0.0) -> float:
         """Move the first joint at a constant acceleration [rad/s^2]; its velocity then [rad/s]."""
         for _ in range(cycles):
             velocity += acceleration * T
-            self.say(self.q + velocity * T * FIRST)
+            self.command(self.q + velocity * T * FIRST)
         return velocity
 
     @property
@@ -76,7 +71,7 @@ class Client:
 
 def commanding(q: np.ndarray = START) -> Client:
     client = Client(q)
-    client.stand(60)
+    client.hold(60)
     assert client.session.state is State.MOVE
     return client
 
@@ -84,14 +79,14 @@ def commanding(q: np.ndarray = START) -> Client:
 def start_pose() -> Client:
     client = Client()
     client.q = START + 0.02 * FIRST
-    client.stand(60)
+    client.hold(60)
     return client
 
 
 def position() -> Client:
     upper = LIMITS.upper * FIRST
     client = commanding(START * (1.0 - FIRST) + upper - 1e-6 * FIRST)
-    client.say(client.q + 2e-6 * FIRST)
+    client.command(client.q + 2e-6 * FIRST)
     return client
 
 
@@ -110,13 +105,13 @@ def velocity() -> Client:
 
 def acceleration() -> Client:
     client = commanding()
-    client.say(client.q + 0.0101 * T * FIRST)  # 10.1 rad/s^2; allowed are 10
+    client.command(client.q + 0.0101 * T * FIRST)  # 10.1 rad/s^2; allowed are 10
     return client
 
 
 def jerk() -> Client:
     client = commanding()
-    client.say(client.q + 0.0051 * T * FIRST)  # 5.1 rad/s^2 at once; allowed are 5 a cycle
+    client.command(client.q + 0.0051 * T * FIRST)  # 5.1 rad/s^2 at once; allowed are 5 a cycle
     return client
 
 
@@ -158,12 +153,12 @@ def test_after_automatic_error_recovery_the_arm_moves_again(provoke, name):
     robot = client.connection.robot
     while not robot.at_rest:
         client.advance()
-    client.stand(100)
+    client.hold(100)
     assert client.session.state is State.REFLEX  # until somebody asks for it
     client.session.reset()
     client.states.append(client.session.state)
     client.q = robot.plant.q
-    client.stand(200)
+    client.hold(200)
     assert client.passed[-4:] == [
         State.REFLEX,
         State.AUTOMATIC_ERROR_RECOVERY,
@@ -185,7 +180,7 @@ def test_nineteen_packets_in_a_row_are_bridged():
     client = commanding()
     for _ in range(19):
         client.advance()
-    client.stand(1)
+    client.hold(1)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
 
 
@@ -193,10 +188,10 @@ def test_nineteen_packets_in_a_row_are_bridged():
 def test_a_command_that_comes_too_late_ends_all_but_a_very_slow_motion(speed, goes_on):
     client = commanding()
     for velocity in np.linspace(0.0, speed, 20):
-        client.say(client.q + velocity * T * FIRST)
-    client.say(client.q)  # the driver repeats its position, and two steps follow
-    client.say(client.q + 2.0 * speed * T * FIRST)
-    client.say(client.q + speed * T * FIRST)
+        client.command(client.q + velocity * T * FIRST)
+    client.command(client.q)  # the driver repeats its position, and two steps follow
+    client.command(client.q + 2.0 * speed * T * FIRST)
+    client.command(client.q + speed * T * FIRST)
     assert (client.session.state is State.MOVE) == goes_on
 
 
@@ -211,71 +206,9 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
     for k in range(1, 6):  # lost
         client.advance()
         assert client.connection.robot.reference == pytest.approx(expected[k], abs=ROUNDING)
-    client.say(expected[6])
+    client.command(expected[6])
     assert client.session.state is State.MOVE
     assert client.session.reason == ''
-
-
-def full_limits(law: str, task: str, lost: float) -> Controller:
-    """A controller of the arm at its full limits.
-
-    Args:
-        law: Its name.
-        task: position or pose.
-        lost: Fraction of the commands that get lost.
-    """
-    return Controller(
-        RobotModel.named('fr3'),
-        law,
-        T,
-        task=task,
-        switch_time=0.3,
-        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
-        limit_gains={'jerk.lost': 3 if lost else 0, 'acceleration.reach': 0.02},
-    )
-
-
-def followed(motion: Iterable[np.ndarray], lost: float) -> Client:
-    """The client of a robot after a motion, or when the robot stops it.
-
-    Args:
-        motion: A command for each tick, (n,) [rad].
-        lost: Fraction of the commands that get lost at random.
-    """
-    client = commanding()
-    random = np.random.default_rng(0)
-    for q in motion:
-        if random.random() < lost:
-            client.advance()
-        else:
-            client.say(q)
-        if client.session.state is not State.MOVE:
-            break
-    return client
-
-
-def planned(law: str, task: str, lost: float) -> Recording:
-    """A task along waypoints; arguments as of full_limits()."""
-    waypoints = load_task('fr3_pose' if task == 'pose' else find_arm('fr3').task)
-    return closed_loop.run(full_limits(law, task, lost), waypoints, greedy=False)
-
-
-def steered(controller: Controller, operator: Operator, seconds: float) -> Iterator[np.ndarray]:
-    """The commands of a motion under an operator, (n,) [rad] each.
-
-    Args:
-        controller: Of a pose.
-        operator: Sees the tip.
-        seconds: [s].
-    """
-    loop = CommandLoop(controller, LoopSettings(scaling='components'))
-    q = START
-    for k in range(1, round(seconds / T)):
-        x, R = controller.model.tip(q)
-        loop.enter_twist(0, operator.twist(k * T, x, R), k * T)
-        response = loop.step(round(1e9 * k * T), q, k * T)
-        q = q if response is None else response.command.q_ref
-        yield q
 
 
 @pytest.mark.slow
@@ -284,26 +217,21 @@ def steered(controller: Controller, operator: Operator, seconds: float) -> Itera
     by_day(1, product(['minimum_velocity', 'minimum_weighted_torque'], [0.0, 0.02])),
 )
 def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
-    recording = planned(law, 'position', lost)
+    controller = Controller(
+        RobotModel.named('fr3'),
+        law,
+        T,
+        switch_time=0.3,
+        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
+        limit_gains={'jerk.lost': 3 if lost else 0, 'acceleration.reach': 0.02},
+    )
+    recording = closed_loop.run(controller, load_task(find_arm('fr3').task), greedy=False)
     assert recording.finished
-    client = followed(recording.vectors('q1'), lost)
+    client = commanding()
+    random = np.random.default_rng(0)
+    for q in recording.vectors('q1'):
+        if random.random() < lost:
+            client.advance()
+        else:
+            client.command(q)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize('lost', [0.0, 0.02], ids=['every command comes', 'one in fifty is lost'])
-def test_teleoperation_at_the_full_limits_keeps_clear_of_every_reflex(lost):
-    """By an operator who steers the tip to goals, under one law after the other."""
-    controller = full_limits('minimum_acceleration', 'pose', lost)
-    operator = GoalOperator(controller.model, T, 0)
-    laws = list(LAWS)
-
-    def motion() -> Iterator[np.ndarray]:
-        for k, q in enumerate(steered(controller, operator, OPERATED)):
-            if k % round(OPERATED / T / len(LAWS)) == 0 and laws:
-                controller.switch_law(laws.pop())
-            yield q
-
-    client = followed(motion(), lost)
-    assert (client.session.state, client.session.reason) == (State.MOVE, '')
-    assert operator.reached > 0
