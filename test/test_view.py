@@ -370,7 +370,9 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
             ParameterEvent,
             '/parameter_events',
             lambda event: pushes.extend(
-                p.value.double_value for p in event.changed_parameters if p.name == 'push_force_x'
+                p.value.double_array_value[0]
+                for p in event.changed_parameters
+                if p.name == 'push_force'
             ),
             100,
         )

@@ -44,7 +44,7 @@ from redres_ros.view.steering import Steering, pull
 FORWARD = np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 VALUES = {
     'controller': {'task_space': 'pose', 'admittance.enabled': False},
-    'sim': {'push_link': '', 'push_force_x': 0.0, 'push_force_y': 0.0, 'push_force_z': 0.0},
+    'sim': {'push_link': '', 'push_force': [0.0, 0.0, 0.0]},
 }
 
 
@@ -322,7 +322,7 @@ def test_without_a_planner_a_drag_says_so(operator: Operator) -> None:
 def test_a_pushed_link_is_let_go_with_the_switch(operator: Operator) -> None:
     def forces() -> list[float]:
         operator.step()
-        return [values['push_force_x'] for values in operator.service.asked]
+        return [values['push_force'][0] for values in operator.service.asked]
 
     operator.hold(0.0 * FORWARD)
     operator.push('start')
@@ -337,7 +337,7 @@ def test_a_page_that_ends_takes_its_push_along(operator: Operator) -> None:
     stopped = threading.Event()
     stopped.set()
     operator.page.run(stopped)
-    assert operator.service.asked[-1]['push_force_x'] == 0.0
+    assert operator.service.asked[-1]['push_force'] == [0.0, 0.0, 0.0]
 
 
 def test_a_spring_pulls_no_harder_than_allowed() -> None:

@@ -1,7 +1,6 @@
 """Buttons, menus and sliders: each sets a parameter or calls a service, and shows its state."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from typing import Any
 
 import viser
@@ -13,6 +12,7 @@ from redres_ros.limits import LIMITS
 from redres_ros.loop.settings import AUTO
 from redres_ros.nodes.parameters import NONE
 from redres_ros.nodes.policy_parameters import named
+from redres_ros.parameter import parameters
 from redres_ros.policy import SCALING
 from redres_ros.preferences import PREFERENCES
 
@@ -142,7 +142,7 @@ def add_faults(gui: viser.GuiApi, bindings: Bindings) -> None:
             paused = gui.add_checkbox('joints do not move', values[_PAUSED])
             bindings.add(paused, 'sim', _PAUSED)
         clear = gui.add_button('no faults')
-    none = {each.name: each.default for each in fields(Faults)}
+    none = {field.name: field.default for field in parameters(Faults)}
     clear.on_click(lambda event: bindings.set(event, 'sim', none))
 
 

@@ -40,7 +40,6 @@ _MOST_FORCE = 200.0  # [N]
 _SPEED = (0.05, 0.5)  # [m/s] at first, and at most
 _TURN = (0.3, 2.0)  # [rad/s]
 _PUSH_TIME = 0.4  # [s] of a push by a button
-_RENEWED = (0.5, 2.0)  # [s] when a push of the mouse is set again, and when it ends without that
 _LED = {'mass': (5.0, 0.05), 'damping': (30.0, 1.0), 'stiffness': (0.0, 0.0), 'force': (0.0, 0.0)}
 _HINTS = {
     'inactive': 'the controller is inactive; activate it first',
@@ -198,7 +197,6 @@ class Steering:
         self._asked_at = 0.0  # [s] since when a velocity is asked for; 0: none is
         self._was_dragged = False
         self._pushed = np.zeros(3)  # sent to the robot last [N]
-        self._pushed_at = 0.0  # [s]
         self._orders = ThreadPoolExecutor(max_workers=1)
         self._order: Future[Any] | None = None  # under way
         self.tip = TipHandle(server, monitor, model, self.rows == 6, self._is_held)
@@ -259,8 +257,7 @@ class Steering:
             if not self._was_dragged:
                 return self._orders.submit(self._stop_task)
         force = self.link.force
-        is_fresh = not force.any() or time.monotonic() - self._pushed_at < _RENEWED[0]
-        if is_fresh and np.array_equal(force, self._pushed):
+        if np.array_equal(force, self._pushed):
             return None
         return self._orders.submit(self._push_link, force, self.link.link)
 
@@ -276,12 +273,18 @@ class Steering:
             notify(self.link.event, str(error))
         else:
             self._pushed = force
-            self._pushed_at = time.monotonic()
 
     def _set_force(self, force: np.ndarray, link: str) -> None:
-        values = {f'push_force_{axis}': f for axis, f in zip(_AXES, force.tolist(), strict=True)}
-        values['push_time'] = _RENEWED[1] if force.any() else 0.0
-        self._bindings.client.set_parameters('sim', {'push_link': link, **values})
+        values = {'push_link': link, 'push_force': force.tolist()}
+        self._bindings.client.set_parameters('sim', values)
+
+    def _push_for_a_moment(self, event: Any, force: np.ndarray, link: str) -> None:
+        try:
+            self._set_force(force, link)
+            time.sleep(_PUSH_TIME)
+            self._set_force(np.zeros(3), link)
+        except CallError as error:
+            notify(event, str(error))
 
     def _add_inputs(self, gui: viser.GuiApi) -> None:
         enabled = 'admittance.enabled'
@@ -323,7 +326,7 @@ class Steering:
         force.on_update(lambda event: setattr(self.link, 'largest', event.target.value))
 
         def push(event: Any) -> None:
-            values = {f'push_force_{event.target.value}': force.value, 'push_time': _PUSH_TIME}
-            self._bindings.set(event, 'sim', values)
+            along = force.value * np.eye(3)[_AXES.index(event.target.value)]
+            self._orders.submit(self._push_for_a_moment, event, along, link.value)
 
         buttons.on_click(push)
