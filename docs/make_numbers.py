@@ -1,10 +1,8 @@
 """Writes the figures of README.md and of two pages anew, and draws their pictures.
 
 Run it with: python docs/make_numbers.py
-The tables over random tasks take minutes, and come from: python docs/make_numbers.py --sweep
 """
 
-import argparse
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from study import GOOD, Trials, sweep
 
-import redres_ros
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
 from redres_ros.paper.figures.sketches import figure_1
 from redres_ros.simulation.colours import law_colour
@@ -33,14 +29,7 @@ T = 0.002  # sampling time [s], that of the nodes
 DAMPING = 10.0  # k_d [1/s]
 DAMPINGS = (0.0, 2.0, 5.0, 8.0, 10.0, 12.0, 15.0, 20.0, 50.0, 1.0 / T)
 LIMITS = ('position', 'velocity', 'acceleration')
-TASKS = ('rectangle', 'rectangle_reversed', 'window', 'table')
-SWEPT = ('minimum_acceleration',)
-RANDOM_TASKS = 300
-SWEEP_T = 0.01  # [s]
 
-_QUANTILES = {0.5: 'median of peak / best', 0.9: 'nine in ten below', 0.99: '99 in 100 below'}
-_DRAWN_QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # and their lines
-_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
 _BLOCK = r'(<!-- numbers: {} -->\n)(.*?)(<!-- end -->)'
 # k_d [1/s], and from light to dark: the shade in which each is drawn
 _DRAWN_DAMPINGS = {0.0: -0.7, 2.0: -0.4, 10.0: 0.0, 20.0: 0.4, 50.0: 0.75}
@@ -72,11 +61,6 @@ Results = dict[Case, Result]
 def efforts() -> list[Case]:
     """Cases of the table of efforts."""
     return [Case(law) for law in LAWS]
-
-
-def within() -> list[Case]:
-    """Cases of the table of laws and tasks, without and with limits."""
-    return [Case(law, task, limits=on) for law in LAWS for task in TASKS for on in ((), LIMITS)]
 
 
 def dampings() -> list[Case]:
@@ -124,15 +108,6 @@ def effort_table(results: Results) -> str:
         figures = [_figure(getattr(effort, name), least[name]) for name in _EFFORT]
         rows.append([f'`{case.law}`', damping, *figures])
     return markdown(heads, rows)
-
-
-def limits_table(results: Results) -> str:
-    """Laws and tasks: the first joint beyond a limit without limits, the end with them."""
-    rows = []
-    for law in LAWS:
-        cells = [_cell(results, law, task) for task in TASKS]
-        rows.append([f'`{law}`', *cells])
-    return markdown('law | ' + ' | '.join(f'`{task}`' for task in TASKS), rows)
 
 
 def damping_table(results: Results) -> str:
@@ -190,37 +165,8 @@ def limits_text(results: Results) -> str:
     )
 
 
-def sweep_table(results: Sequence[Trials]) -> str:
-    """Random tasks: how often a damping is good, and how bad it is else."""
-    heads = 'law | k_d [1/s] | ' + ' | '.join(f'{damping:g}' for damping in results[0].dampings)
-    rows = []
-    for trials in results:
-        good = [f'{fraction:.0%}' for fraction in trials.good]
-        rows.append([f'`{trials.law}`', f'within {GOOD:g} × the best', *good])
-        for fraction, name in _QUANTILES.items():
-            rows.append(['', name, *(f'{ratio:.3g}' for ratio in trials.quantiles(fraction))])
-        kept = [f'{fraction:.0%}' for fraction in trials.kept.mean(axis=0)]
-        rows.append(['', "within the joints' limits", *kept])
-    return markdown(heads, rows)
-
-
-def _cell(results: Results, law: str, task: str) -> str:
-    without = results[Case(law, task)].effort
-    bounded = results[Case(law, task, limits=LIMITS)]
-    free = f'no: {_short(without.violation)}' if without.violation else 'yes'
-    scaling = float(bounded.recording['task_scaling'].min())
-    slowed = '' if scaling > 0.9995 else f', s ≥ {scaling:.2f}'
-    end = f'{bounded.recording["t"][-1]:.2f} s{slowed}' if bounded.effort.finished else 'not ended'
-    return f'{free}; {end}'
-
-
 def _end(result: Result) -> str:
     return f'{result.recording["t"][-1]:.2f}' if result.effort.finished else 'none'
-
-
-def _short(violation: str) -> str:
-    """'lwr_a2_joint position, 2.48 s' -> 'A2 position, 2.48 s'."""
-    return re.sub(r'lwr_(\w\d)_joint', lambda found: found[1].upper(), violation)
 
 
 def _figure(value: float, least: float) -> str:
@@ -308,43 +254,6 @@ def draw_rectangle_dampings(results: Results) -> Figure:
     return figure
 
 
-def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
-    """The fraction of the tasks on which a damping is good, and quantiles of the others.
-
-    Args:
-        results: One a law, of the same dampings.
-        title: Says what was tried.
-    """
-    figure = Figure(figsize=(9.0, 6.5), layout='constrained')
-    good, bad = figure.subplots(2, 1, sharex=True)
-    good.set_title(title)
-    fewest = min(results, key=lambda trials: len(trials.ratios))
-    fractions = {
-        fraction: style for fraction, style in _DRAWN_QUANTILES.items() if fewest.resolves(fraction)
-    }
-    for trials in results:
-        places = np.arange(len(trials.dampings))
-        colour = law_colour(trials.law)
-        good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
-        for fraction, style in fractions.items():
-            bad.plot(places, trials.quantiles(fraction), style, color=colour)
-    good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
-    good.set_ylim(0.0, 105.0)
-    below = ', '.join(f'{100.0 * fraction:g}' for fraction in fractions)
-    bad.set_ylabel(f'peak / least peak [-]\n(of 100 tasks {below} are below)')
-    bad.set_yscale('log')
-    bad.minorticks_off()
-    top = max(bad.get_ylim()[1], _RATIOS[1])
-    shown = [ratio for ratio in _RATIOS if ratio <= top]
-    bad.set_yticks(shown, [f'{ratio:g}' for ratio in shown])
-    bad.set_xticks(places, [f'{damping:g}' for damping in results[0].dampings])
-    bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
-    for ax in (good, bad):
-        ax.grid(alpha=0.3)
-    legend_below(bad, good)
-    return figure
-
-
 def _shaded(colour: np.ndarray, shade: float) -> np.ndarray:
     """A shade of a colour (3,): -1 is white, 0 the colour itself, 1 black."""
     return np.array([np.interp(shade, (-1.0, 0.0, 1.0), (1.0, part, 0.0)) for part in colour])
@@ -379,7 +288,15 @@ def write(blocks: dict[str, str], pages: Sequence[Path] = PAGES) -> None:
 def all_results() -> Results:
     """Every case, on all processors."""
     cases = list(
-        dict.fromkeys([*efforts(), *within(), *dampings(), *bounded_dampings(), *half_limits()])
+        dict.fromkeys(
+            [
+                *efforts(),
+                Case('minimum_velocity', limits=LIMITS),
+                *dampings(),
+                *bounded_dampings(),
+                *half_limits(),
+            ]
+        )
     )
     with progress_bar(f'{len(cases)} runs') as progress:
         found = in_parallel(result, cases, progress)
@@ -387,21 +304,11 @@ def all_results() -> Results:
 
 
 def main() -> None:
-    """Run what is wanted, write the blocks, and draw."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sweep', action='store_true', help='only the tables over random tasks')
-    if parser.parse_args().sweep:
-        with progress_bar(f'{RANDOM_TASKS} random tasks') as progress:
-            swept = sweep(redres_ros.Case('lwr4_paper', T=SWEEP_T), SWEPT, RANDOM_TASKS, progress)
-        write({'sweep': sweep_table(swept)})
-        title = f"{RANDOM_TASKS} random tasks of the paper's arm"
-        draw_dampings(swept, title).savefig(PICTURES / 'random_dampings.png', dpi=110)
-        return
+    """Run, write the blocks, and draw."""
     results = all_results()
     write(
         {
             'efforts': effort_table(results),
-            'within': limits_table(results),
             'dampings': damping_table(results),
             'headline': headline(results),
             'limits': limits_text(results),

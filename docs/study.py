@@ -1,24 +1,19 @@
-"""Many motions: runs a study and keeps its results, and finds which damping is good.
+"""Many motions: runs a study and keeps its results.
 
 Run it with: python docs/study.py docs/studies/laws.yaml laws.parquet
 """
 
 import argparse
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from itertools import product
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import numpy as np
-
 from redres_ros import Case, Effort, Result, batch
 from redres_ros.files.yaml import read_yaml
 from redres_ros.simulation.report import progress_bar
-
-DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
-GOOD = 1.25  # times the least peak of a task
 
 
 def cases_of(study: Mapping[str, Any]) -> list[Case]:
@@ -71,68 +66,6 @@ def _as_result(row: Mapping[str, Any]) -> Result:
         effort = Effort(**{each.name: row[each.name] for each in fields(Effort)})
     others = [each.name for each in fields(Result) if each.name not in ('case', 'effort')]
     return Result(Case(**case), effort, **{name: row[name] for name in others})
-
-
-@dataclass(frozen=True)
-class Trials:
-    """One law on many tasks.
-
-    Args:
-        law: Its name.
-        dampings: (d,) [1/s].
-        peaks: (tasks, d) largest |ddq| [rad/s^2]; infinite where the last point was not reached.
-        kept: (tasks, d) whether no joint went beyond a limit of its own.
-    """
-
-    law: str
-    dampings: np.ndarray
-    peaks: np.ndarray
-    kept: np.ndarray
-
-    @property
-    def ratios(self) -> np.ndarray:
-        """Peaks over the least one of the same task, (tasks, d), where any damping ends it."""
-        least = self.peaks.min(axis=1)
-        ended = np.isfinite(least)
-        return self.peaks[ended] / least[ended, None]
-
-    @property
-    def good(self) -> np.ndarray:
-        """Fraction of the tasks on which a damping is within GOOD times of the best, (d,)."""
-        return (self.ratios <= GOOD).mean(axis=0)
-
-    def resolves(self, fraction: float) -> bool:
-        """Whether there are enough tasks to distinguish that quantile from the maximum."""
-        return len(self.ratios) * (1.0 - fraction) >= 1.0 - 1e-9
-
-    def quantiles(self, fraction: float) -> np.ndarray:
-        """Quantiles of the ratios, (d,)."""
-        return np.quantile(self.ratios, fraction, axis=0, method='inverted_cdf')
-
-
-def sweep(
-    base: Case, laws: Sequence[str], tasks: int, progress: Callable[[float], None]
-) -> list[Trials]:
-    """Every law with every damping on the same random tasks, whose seeds are 0, 1, 2 and so on."""
-    cases = [
-        replace(base, law=law, gains={'damping': damping}, seed=seed)
-        for seed, law, damping in product(range(tasks), laws, DAMPINGS)
-    ]
-    results = {}
-    for result in batch(cases):
-        results[repr(result.case)] = result
-        progress(len(results) / len(cases))
-    ordered = [results[repr(case)] for case in cases]
-    shape = (tasks, len(laws), len(DAMPINGS))
-    peaks = np.full(len(cases), np.inf)
-    for place, result in enumerate(ordered):
-        if result.effort is not None and result.finished:
-            peaks[place] = result.effort.acceleration
-    peaks = peaks.reshape(shape)
-    kept = np.reshape([each.within_limits for each in ordered], shape)
-    return [
-        Trials(law, np.array(DAMPINGS), peaks[:, at], kept[:, at]) for at, law in enumerate(laws)
-    ]
 
 
 def main() -> None:
