@@ -20,8 +20,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from redres_ros import RobotModel, load_task
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.runtime import run_nodes, spun
+from redres_ros.nodes.runtime import own_domain, run_nodes, spun
 from redres_ros.nodes.topics import NEWEST, PUBLISH
 from redres_ros.robots.joint_limits import JointLimits
 

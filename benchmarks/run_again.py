@@ -66,7 +66,7 @@ class Arm:
         self.controller = Controller(self.model, law, T, limits=LIMITS, switch_time=0.2)
         self.loop = CommandLoop(self.controller)
         self.executor = TaskExecutor(T, TaskClock(T), ProgressMonitor(5.0, 30.0))
-        self.goals = Goals(self.model, self.task, GoalSettings(home_speed=0.5), 'position')
+        self.goals = Goals(self.model, self.task, GoalSettings(), 'position')
         self.q = self.task.start
         self.stamp = NANOSECONDS  # of the newest state [ns]
 

@@ -33,8 +33,7 @@ from std_srvs.srv import SetBool, Trigger
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.laws import LAWS
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robots import find_arm

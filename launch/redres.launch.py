@@ -3,9 +3,8 @@ all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
 
 import math
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,7 @@ from launch_ros.actions import Node
 from redres_ros.errors import FileError, RedresError
 from redres_ros.files.share import share_path
 from redres_ros.files.yaml import read_yaml
-from redres_ros.nodes.entry import check_law
 from redres_ros.robots import choose_arm
-from redres_ros.robots.table import ALLOWED, names_an_arm
 from redres_ros.robots.urdf import Urdf
 
 # name: (default, description); an empty default leaves what params_file says
@@ -34,9 +31,17 @@ ARGUMENTS = {
     'initial_state': ('', 'life cycle of our nodes: unconfigured, inactive or active'),
     'namespace': ('', 'puts the robot under this name'),
     'states': ('joint_states', 'topic of the states, such as franka/joint_states'),
-    'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
+    'params_file': (
+        '',
+        'parameters of all nodes: a file, or a name in config/robots for a real robot, such as '
+        'franka_fr3; empty: config/redres.yaml of this package',
+    ),
     'use_sim_time': ('', 'take the time of the nodes from /clock; not with our own sim'),
-    'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
+    'sim': (
+        '',
+        'start the fake arm; false: states, URDF and frames come from a robot, as by default with '
+        'a file in config/robots',
+    ),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
     'composed': ('false', 'controller, planner and, if it is started, fake arm in one process'),
     'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
@@ -51,11 +56,11 @@ OF_ONE = {
     'sim': (),
 }
 NUMBERS = ('rate', 'limit_scale')
-OF_ROS = ('launch-prefix', 'launch-prefix-filter')  # options that `ros2 launch` adds as arguments
+SWITCHES = ('autostart', 'use_sim_time', 'sim', 'planner', 'composed', 'rviz')
 CHOICES = {
     'initial_state': ('unconfigured', 'inactive', 'active'),
     'log_level': ('debug', 'info', 'warn', 'error', 'fatal'),
-    **dict.fromkeys(('autostart', 'use_sim_time', 'sim', 'planner', 'composed', 'rviz'), ()),
+    **dict.fromkeys(SWITCHES, ('true', 'false')),
 }
 
 
@@ -70,127 +75,96 @@ def generate_launch_description() -> LaunchDescription:
 
 def start_nodes(context: LaunchContext) -> list[Node]:
     """The nodes that the arguments ask for."""
-    if _is_ours(sys.argv):
-        _check_names(context.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    _check(given)
-    with_sim = _is_true(given['sim'])
-    wanted = {'sim': with_sim, 'controller': True, 'planner': _is_true(given['planner'])}
+    check_names(context.argv)
+    check_choices(given)
+    file, is_of_robot = find_file(given['params_file'])
+    with_sim = is_true(given['sim'] or str(not is_of_robot))
+    check_together(given, with_sim)
+    wanted = {'sim': with_sim, 'controller': True, 'planner': is_true(given['planner'])}
     names = [name for name, start in wanted.items() if start]
-    nodes = [_of_ours(name, [name], given) for name in names]
-    if _is_true(given['composed']):
-        nodes = [_of_ours('composed', names, given)]
-    # The driver of a robot publishes its frames itself.
-    description = ''
-    if with_sim:
-        robot = given['robot'] or _found(_file(given), 'robot', DEFAULT_ROBOT)
-        with _naming('robot'):
+    description = ''  # the driver of a robot publishes its frames itself
+    try:
+        shared = parameters_in(file)
+        if with_sim:
+            robot = given['robot'] or shared.get('robot', DEFAULT_ROBOT)
             description = choose_arm(robot).description()
-        nodes.append(_state_publisher(given, description))
-    if _is_true(given['rviz']):
-        nodes.append(_rviz(given, description))
+    except RedresError as error:
+        raise ValueError(str(error)) from None
+    if is_true(given['composed']):
+        nodes = [ours('composed', names, file, given)]
+    else:
+        nodes = [ours(name, [name], file, given) for name in names]
+    if with_sim:
+        nodes.append(state_publisher(given, description))
+    if is_true(given['rviz']):
+        nodes.append(rviz(given, description, shared))
     return nodes
 
 
-def _is_ours(command: Iterable[str]) -> bool:
-    """Whether a command starts a launch file of this package: one that includes it may have
-    arguments of its own.
-    """
-    files = [Path(word) for word in command if ':=' not in word]
-    beside = [file.with_name(Path(__file__).name) for file in files if file.is_file()]
-    return Path('redres_ros') in files or any(file.is_file() for file in beside)
+def find_file(params_file: str) -> tuple[Path, bool]:
+    """The file of parameters, and whether it is one of ours for a real robot."""
+    own = share_path('config/redres.yaml')
+    of_robot = own.parent / 'robots' / f'{params_file}.yaml'
+    if params_file and of_robot.is_file():
+        return of_robot, True
+    return Path(params_file) if params_file else own, False
 
 
-def _check_names(arguments: Iterable[str]) -> None:
-    """Refuse an argument that does not exist, which ROS ignores.
+def check_names(arguments: Iterable[str]) -> None:
+    """Refuse a misspelt argument such as limit_scal:=0.2, which ROS ignores. Raises ValueError.
 
-    Args:
-        arguments: As the command line has them: name:=value.
-
-    Raises:
-        ValueError: Names it, and those that exist.
+    A launch file that includes this one may have others.
     """
     for argument in arguments:
-        name, _, _ = argument.partition(':=')
-        if name not in ARGUMENTS and name not in OF_ROS:
-            raise ValueError(f'{name}: no such argument; allowed: {", ".join(ARGUMENTS)}')
+        name = argument.partition(':=')[0]
+        if name not in ARGUMENTS and (near := get_close_matches(name, ARGUMENTS, 1, 0.8)):
+            raise ValueError(f'{name}: no such argument; is {near[0]} meant?')
 
 
-def _check(given: dict[str, str]) -> None:
-    """Refuse what cannot be meant.
-
-    Args:
-        given: The arguments.
-
-    Raises:
-        ValueError: Names the argument, what it got, and what is allowed.
-    """
-    for name, choices in CHOICES.items():
-        allowed = choices or ('true', 'false')
+def check_choices(given: dict[str, str]) -> None:
+    """Refuse a value that an argument cannot have. Raises ValueError that names the argument."""
+    for name, allowed in CHOICES.items():
         if given[name] and given[name].lower() not in allowed:
             raise ValueError(f'{name}: got {given[name]!r}; allowed: {", ".join(allowed)}')
-    _check_robot(given)
-    with _naming('params_file'):
-        _check_sections(_file(given))
-    if given['law'] and not given['params_file']:  # such a file may name plugins
-        with _naming('law'):
-            check_law(given['law'])
     for name in NUMBERS:
-        if given[name] and not _is_positive(given[name]):
+        if given[name] and not is_positive(given[name]):
             raise ValueError(f'{name}: got {given[name]!r}; allowed: a positive number')
-    if _is_true(given['composed']) and not _is_true(given['planner']):
+
+
+def check_together(given: dict[str, str], with_sim: bool) -> None:
+    """Refuse arguments that do not go together. Raises ValueError."""
+    if with_sim and given['robot'] == TOPIC:
+        raise ValueError("robot: got 'topic'; the fake arm itself publishes robot_description")
+    if with_sim and is_true(given['use_sim_time']):
+        raise ValueError("use_sim_time: got 'true'; the fake arm publishes no /clock")
+    if not with_sim and not (given['robot'] or given['params_file']):
+        raise ValueError("sim: got 'false'; a robot needs params_file:=FILE or robot:=NAME, too")
+    if is_true(given['composed']) and not is_true(given['planner']):
         raise ValueError("composed: got 'true'; allowed only with planner:=true")
 
 
-def _check_robot(given: dict[str, str]) -> None:
-    """Refuse an arm that is unknown, or that cannot be had with or without the fake arm."""
-    robot = given['robot']
-    if robot and robot != TOPIC and not names_an_arm(robot):
-        raise ValueError(f'robot: got {robot!r}; allowed: {", ".join((*ALLOWED, TOPIC))}')
-    if _is_true(given['sim']):
-        if robot == TOPIC:
-            raise ValueError("robot: got 'topic'; the fake arm itself publishes robot_description")
-        if _is_true(given['use_sim_time']):
-            raise ValueError("use_sim_time: got 'true'; the fake arm publishes no /clock")
-    elif not (robot or given['params_file']):
-        raise ValueError("sim: got 'false'; a robot needs params_file:=FILE or robot:=NAME, too")
-
-
-def _check_sections(file: str) -> None:
-    """Refuse a file without parameters of nodes. Raises FileError."""
-    sections = read_yaml(Path(file))
-    found = isinstance(sections, dict) and any(
-        isinstance(section, dict) and 'ros__parameters' in section for section in sections.values()
-    )
-    if not found:
+def parameters_in(file: Path) -> dict[str, Any]:
+    """What a file has for all nodes, and for the fake arm. Raises FileError."""
+    sections = read_yaml(file)
+    if not isinstance(sections, dict):
         raise FileError(f'{file} has no ros__parameters; expected a parameter file of ROS 2')
+    values = {}
+    for key in ('/**', 'sim', '/**/sim'):
+        values |= sections.get(key, {}).get('ros__parameters', {})
+    return values
 
 
-@contextmanager
-def _naming(argument: str) -> Iterator[None]:
-    """Name the argument that an error is about."""
-    try:
-        yield
-    except RedresError as error:
-        raise ValueError(f'{argument}: {error}') from None
-
-
-def _of_ours(executable: str, names: list[str], given: dict[str, str]) -> Node:
-    """A process of this package; when one of them ends, so do the others.
-
-    Args:
-        executable: What is run.
-        names: Of its nodes.
-        given: The arguments.
-    """
+def ours(executable: str, names: list[str], file: Path, given: dict[str, str]) -> Node:
+    """A process of this package with these nodes; when one of them ends, so do the others."""
     level = given['log_level']
     return Node(
         package='redres_ros',
         executable=executable,
         name=names[0] if len(names) == 1 else None,  # a name would be that of all its nodes
         namespace=given['namespace'],
-        parameters=[_file(given), _parameters(names, given)],
-        remappings=_states(given),
+        parameters=[str(file), parameters(names, given)],
+        remappings=states(given),
         arguments=['--no-sim'] if executable == 'composed' and 'sim' not in names else [],
         ros_arguments=['--log-level', level] if level else [],
         output='screen',
@@ -198,104 +172,71 @@ def _of_ours(executable: str, names: list[str], given: dict[str, str]) -> Node:
     )
 
 
-def _states(given: dict[str, str]) -> list[tuple[str, str]]:
+def states(given: dict[str, str]) -> list[tuple[str, str]]:
     """What takes the states from another topic."""
-    states = given['states']
-    return [] if states == 'joint_states' else [('joint_states', states)]
+    topic = given['states']
+    return [] if topic == 'joint_states' else [('joint_states', topic)]
 
 
-def _file(given: dict[str, str]) -> str:
-    return given['params_file'] or str(share_path('config/redres.yaml'))
-
-
-def _parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
-    """What the arguments set; an empty one would hide what params_file says.
-
-    Args:
-        names: Of the nodes in a process.
-        given: The arguments.
-    """
+def parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
+    """What the arguments set of these nodes; an empty one would hide what params_file says."""
     wanted = [*OF_EVERY_NODE, *(parameter for name in names for parameter in OF_ONE[name])]
     values: dict[str, Any] = {key: given[key] for key in wanted if given[key]}
-    for name in values.keys() & set(NUMBERS):
-        values[name] = float(values[name])
-    for name in values.keys() & {'autostart', 'use_sim_time'}:
-        values[name] = _is_true(values[name])
+    for name in values:
+        if name in NUMBERS:
+            values[name] = float(values[name])
+        elif name in SWITCHES:
+            values[name] = is_true(values[name])
     return values
 
 
-def _state_publisher(given: dict[str, str], description: str) -> Node:
-    """Publishes the frames of the arm's links; the URDF itself comes from the fake arm.
-
-    Args:
-        given: The arguments.
-        description: URDF of the arm.
-    """
+def state_publisher(given: dict[str, str], description: str) -> Node:
+    """Publishes the frames of the arm's links; the URDF itself comes from the fake arm."""
     return Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
         namespace=given['namespace'],
         remappings=[
-            *_own_frames(given),
-            *_states(given),
+            *own_frames(given),
+            *states(given),
             ('robot_description', 'robot_state_publisher/robot_description'),
         ],
         parameters=[{'robot_description': description}],
     )
 
 
-def _own_frames(given: dict[str, str]) -> list[tuple[str, str]]:
+def own_frames(given: dict[str, str]) -> list[tuple[str, str]]:
     """What keeps the frames of a robot in a namespace apart from another's of the same names."""
-    if not given['namespace']:
-        return []
-    return [('/tf', 'tf'), ('/tf_static', 'tf_static')]
+    return [('/tf', 'tf'), ('/tf_static', 'tf_static')] if given['namespace'] else []
 
 
-def _found(file: str, parameter: str, default: Any) -> Any:
-    """A parameter that a file has for all nodes, or for the fake arm.
-
-    Args:
-        file: Of parameters.
-        parameter: Its name.
-        default: If the file has none.
-    """
-    sections = read_yaml(Path(file))
-    value = default
-    for key in ('/**', 'sim', '/**/sim'):
-        value = sections.get(key, {}).get('ros__parameters', {}).get(parameter, value)
-    return value
-
-
-def _rviz(given: dict[str, str], description: str) -> Node:
-    """Shows the arm as seen from its root link.
-
-    Args:
-        given: The arguments.
-        description: URDF of the arm; empty where a driver has it, and RViz shows the world.
-    """
+def rviz(given: dict[str, str], description: str, shared: dict[str, Any]) -> Node:
+    """Shows the arm as seen from its root link; the world if a driver has the URDF."""
     arguments = ['-d', str(share_path('config/redres.rviz'))]
     frames: list[tuple[str, str]] = []
-    by_clock = given['use_sim_time'] or str(_found(_file(given), 'use_sim_time', False))
     if description:
-        frames = _own_frames(given)
+        frames = own_frames(given)
         urdf = Urdf.read(description)
         [root] = urdf.links.keys() - {joint.child for joint in urdf.joints}
         arguments += ['-f', root]
+    by_clock = given['use_sim_time'] or str(shared.get('use_sim_time', False))
     return Node(
         package='rviz2',
         executable='rviz2',
         namespace=given['namespace'],
         remappings=frames,
         arguments=arguments,
-        parameters=[{'use_sim_time': _is_true(by_clock)}],
+        parameters=[{'use_sim_time': is_true(by_clock)}],
     )
 
 
-def _is_true(word: str) -> bool:
+def is_true(word: str) -> bool:
+    """Whether a switch is on."""
     return word.lower() == 'true'
 
 
-def _is_positive(word: str) -> bool:
+def is_positive(word: str) -> bool:
+    """Whether a text is a positive number."""
     try:
         return 0.0 < float(word) < math.inf
     except ValueError:

@@ -5,8 +5,7 @@ from contextlib import contextmanager
 
 import rclpy
 
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.runtime import start
+from redres_ros.nodes.runtime import own_domain, start
 
 
 @contextmanager

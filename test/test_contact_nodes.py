@@ -187,8 +187,9 @@ def test_no_fault_of_the_sensor_presses_harder_or_makes_a_jump(fault: Fault, wor
 
 @pytest.mark.parametrize('source', ['topic', 'effort'])
 def test_the_elbow_yields_to_torques_of_the_robot(source: str) -> None:
-    own = {'external_torques_from': source, 'preferences': ['compliance']}
-    with table_below(100.0, **own) as run:
+    with table_below(100.0, preferences=['compliance']) as run:
+        if source == 'effort':
+            run.graph.faults['external_torques', 'controller'] = off()
         run.run(0.5)
         before = run.nodes['sim']._plant.q
         assert run.set('sim', push_link=MODEL.elbow_frame, push_force=[0.0, 30.0, 0.0])
@@ -207,8 +208,8 @@ def test_a_robot_without_efforts_is_refused_in_words() -> None:
     def without_efforts(message: Any) -> None:
         message.effort = []
 
-    own = {'external_torques_from': 'effort', 'preferences': ['compliance']}
-    with table_below(100.0, **own) as run:
+    with table_below(100.0, preferences=['compliance']) as run:
+        run.graph.faults['external_torques', 'controller'] = off()
         run.graph.faults['joint_states', 'controller'] = changed(without_efforts)
         run.run(0.3)
         said = [line for node, line in run.graph.log if node == 'controller']

@@ -69,7 +69,7 @@ def test_within_limits_the_joints_are_asked_for_what_they_have() -> None:
 def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     with own_domain():
         robot = NodeProcess('sim', tmp_path / 'sim.log', {'patience': 60.0})
@@ -84,7 +84,7 @@ def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
 @pytest.mark.parametrize('name', ['law_behind_your_node', 'visual_servoing', 'behind_ros2_control'])
 def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     with (
         own_domain(),
@@ -132,7 +132,7 @@ def test_of_two_arms_the_second_gives_way_only_where_both_tasks_cannot_be(
 def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     with own_domain():
         nodes = [
@@ -164,7 +164,7 @@ def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(
 ) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     parameters = {'rate': 100.0, 'robot': 'lwr4_paper'}
     own = {

@@ -94,7 +94,7 @@ def test_a_target_of_another_time_is_refused_with_its_age(run: VirtualRun, age: 
     send_target(run, stamp=now(run) - round(age * SECOND))
     assert_nothing_moves(run)
     side = 'behind' if age > 0.0 else 'ahead of'
-    assert logged(run, 'target_pose refused', side, 'target_timeout')
+    assert logged(run, 'target_pose refused', side, 'a zero stamp')
     assert diagnosed(run, 'target_pose refused', side)
 
 
@@ -280,15 +280,14 @@ def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
 
 def test_a_motion_that_gets_nowhere_is_reported_and_then_given_up() -> None:
     """A target just beyond the stretched arm, which the bound on its reach lets pass."""
-    planner = {**LOOP, 'stuck_after': 2.0, 'give_up_after': 6.0}
-    with virtual_run(sim=SIM, controller=LOOP, planner=planner) as made:
+    with virtual_run(sim=SIM, controller=LOOP, planner=LOOP) as made:
         made.run(0.5)
         x, R = RobotModel.named('lwr4_paper').tip(position(made))
         far = 1.31 / np.linalg.norm(x) * x
         made.graph.publish('target_pose', to_pose(0, '', far, R))
-        assert made.run_until(lambda: logged(made, 'no progress for 2 s'), 30.0)
+        assert made.run_until(lambda: logged(made, 'no progress for 5 s'), 30.0)
         assert state(made) is not TaskState.STUCK
-        assert made.run_until(lambda: state(made) is TaskState.STUCK, 30.0)
-        assert logged(made, 'no progress for 6 s', 'm from the next point')
+        assert made.run_until(lambda: state(made) is TaskState.STUCK, 60.0)
+        assert logged(made, 'no progress for 30 s', 'm from the next point')
         made.run(1.0)  # to rest
         assert_nothing_moves(made)

@@ -11,8 +11,7 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.limits.shapes import touched
-from redres_ros.nodes.markers import Markers
-from redres_ros.nodes.obstacles import show_obstacles, take_workspace
+from redres_ros.nodes.markers import Markers, show_obstacles, take_workspace
 
 PERIOD = 2_000_000  # [ns] between two states
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])

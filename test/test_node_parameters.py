@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from nightly import by_day
@@ -17,23 +16,27 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
 from own_ros import ros
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from virtual_graph import _Cycles, virtual_run
 
 from redres_ros.files.remedy import remedy
+from redres_ros.nodes import runtime
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.entry import run_node
+from redres_ros.nodes.gone import instead_of
 from redres_ros.nodes.lifecycle import LifeError
-from redres_ros.nodes.parameters import overruled
+from redres_ros.nodes.parameters import ParameterError, misspelt
 from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.runtime import own_domain
 from redres_ros.nodes.sim import SimNode
 from redres_ros.planning.task_executor import UNDER_WAY as STATES
 
 pytestmark = pytest.mark.slow
 
 UNDER_WAY = {state.value for state in STATES}
+OF_ROS = {'use_sim_time', 'start_type_description_service'}
 
 
 def test_a_signal_ends_the_tests_and_not_ros_beneath_one() -> None:
@@ -50,10 +53,32 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / 'mine.yaml'
 
 
+@pytest.mark.parametrize(('cls', 'most'), [(ControllerNode, 95), (PlannerNode, 12), (SimNode, 57)])
+def test_no_node_gets_more_parameters(cls: Any, most: int) -> None:
+    """A new one takes the place of another: `most` may only fall."""
+    with ros():
+        node = cls()
+        names = set(node._parameters) - OF_ROS
+        node.destroy_node()
+    assert len(names) <= most
+    assert not [name for name in names if instead_of(name)]
+
+
 @pytest.mark.parametrize('cls', [ControllerNode, PlannerNode, SimNode])
 def test_a_node_of_another_name_is_refused_since_others_use_it_in_topics(cls: Any) -> None:
     with ros('-r', '__node:=ctl'), pytest.raises(LifeError, match="'ctl'; allowed: .*__ns"):
         cls()
+
+
+def test_a_parameter_that_is_gone_is_refused_with_what_to_write_instead() -> None:
+    words = 'feedback_limit is no .*: target_speed'
+    with ros('-p', 'feedback_limit:=0.1'), pytest.raises(ParameterError, match=words):
+        PlannerNode()
+    with ros():
+        node = PlannerNode()
+        with pytest.raises(ParameterNotDeclaredException, match=words):
+            node.set_parameters([Parameter('feedback_limit', value=0.1)])
+        node.destroy_node()
 
 
 def test_an_empty_list_of_names_means_none_at_the_start_and_live(file: Path) -> None:
@@ -82,30 +107,31 @@ def values_of(*arguments: str) -> dict[str, Any]:
 
 def test_parameters_that_are_dumped_load_again(file: Path) -> None:
     before = values_of()
-    assert before['elbow_height.height'] == np.inf
     file.write_text(yaml.dump({'/**': {'ros__parameters': before}}))
     assert values_of('--params-file', str(file)) == before
 
 
-@pytest.mark.parametrize(
-    ('key', 'lost'), [('/**/controller', {'limit_scale'}), ('/**', set())], ids=str
-)
-def test_what_a_file_sets_in_spite_of_the_command_line_is_found(
-    key: str, lost: set[str], file: Path
+def test_a_misspelt_parameter_is_reported_in_one_line_and_those_of_others_are_not(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    of_all = '/**:\n  ros__parameters:\n    rate: 500.0\n'
-    own = f'{key}:\n  ros__parameters:\n    limit_scale: 0.2\n'
-    file.write_text(f'{of_all}{own}')
-    arguments = ['--params-file', str(file), '-p', 'limit_scale:=0.5']
-    with ros(*arguments):
-        node = ControllerNode()
-        assert overruled([node], arguments).keys() == lost
+    given = {'law': 'minimum_velocity', 'limit_scael': 0.5, 'camera.exposure': 3.0, 'other': 1.0}
+    lines: list[str] = []
+    with ros():
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        node = Node('arm', parameter_overrides=overrides)
+        node.declare_parameter('law', '')
+        node.declare_parameter('limit_scale', 1.0)
+        assert misspelt([node]) == {'limit_scael': 'limit_scale'}
+        monkeypatch.setattr(node, 'get_logger', lambda: type('Log', (), {'warning': lines.append}))
+        runtime.log_misspelt([node])
+        node.declare_parameter('limit_scael', 1.0)  # as another node of the process has it
+        assert misspelt([node]) == {}
         node.destroy_node()
+    assert lines == ['no parameter limit_scael (is limit_scale meant?); it changes nothing']
 
 
 def test_lockstep_alone_runs_a_task_and_nothing_is_wrong() -> None:
     alone = {'rate': 100.0, 'lockstep': True}
-    ideal = {**alone, 'plant': 'ideal'}
     states: list[str] = []
     stopped = threading.Event()
 
@@ -114,23 +140,12 @@ def test_lockstep_alone_runs_a_task_and_nothing_is_wrong() -> None:
         if message.data not in UNDER_WAY and len(states) > 1:
             stopped.set()
 
-    with virtual_run(sim=ideal, controller=alone, planner={**alone, 'home_speed': 0.5}) as run:
+    with virtual_run(sim={**alone, 'plant': 'ideal'}, controller=alone, planner=alone) as run:
         run.graph.listen('planner/state', 'test', on_state)
         run.graph.clock.call_in(0.1, lambda: run.graph.call('planner/start'))
         run.nodes['sim'].run(stopped, _Cycles(run.graph.clock))
     assert states[-1] == 'finished', states
     assert not [line for _, line in run.graph.log if 'does not move' in line]
-
-
-@pytest.mark.parametrize('way', ['-p', '--params-file'])
-def test_a_mistyped_law_is_refused_before_its_node_is_loaded(
-    way: str, file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    file.write_text('/**:\n  ros__parameters:\n    law: least\n')
-    monkeypatch.setattr('redres_ros.nodes.entry.import_module', None)
-    word = 'law:=least' if way == '-p' else str(file)
-    assert run_node('controller', ['--ros-args', way, word]) == 1
-    assert 'minimum_velocity' in capfd.readouterr().err
 
 
 @pytest.mark.parametrize('name', by_day(1, ['sim', 'composed', 'controller', 'planner']))
@@ -162,5 +177,5 @@ def test_a_remedy_names_the_bare_package_where_ros_has_installed_this_one(
     marker.parent.mkdir(parents=True)
     marker.touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    assert remedy('bench', 'pink') == 'pip install pin-pink'
+    assert remedy('view', 'viser') == 'pip install viser'
     assert remedy('ros', 'pinocchio') == 'rosdep install --from-paths src --ignore-src'

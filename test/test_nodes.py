@@ -44,7 +44,7 @@ from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.discovery import own_domain
+from redres_ros.nodes.runtime import own_domain
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.robot_model import RobotModel
 
@@ -55,7 +55,6 @@ BOX = ('position', 'velocity', 'acceleration')
 # of a controller that tests share, and what of it some of them set meanwhile
 LIVE = {'law': 'minimum_acceleration', 'damping': 10.0, 'limits': BOX, 'switch_time': 0.0}
 LIVE |= {'command_timeout': 0.1}
-SHARED = LIVE | {'state_timeout': 10.0}
 
 
 SECURED = {  # what somebody sets who wants keys, or no graph at all
@@ -82,7 +81,6 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('sim', 'start:=[9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]', {}, ('lwr_a1_joint', '9')),
     ('sim', 'plant:=gazebo', {}, ('gazebo', 'mujoco')),
     ('sim', 'start:=[]', {}, ('start is nothing', 'an array of numbers')),
-    ('sim', 'processors:=[]', {}, ('processors is nothing', 'an array of whole numbers')),
     ('sim', 'use_sim_time:=5', {}, ("'use_sim_time' to '5'",)),
     ('sim', 'use_sim_time:=true', {}, ('publishes no /clock',)),
     ('controller', 'limits:=[0.5]', {}, ('limits is [0.5]', 'position')),
@@ -188,27 +186,6 @@ def test_all_nodes_in_one_process_end_with_status_0_too(tmp_path: Path) -> None:
     assert 'Traceback' not in (tmp_path / 'composed.log').read_text()
 
 
-@pytest.mark.nightly
-def test_processors_of_its_own_hold_for_every_thread_of_a_node(tmp_path: Path) -> None:
-    wanted = sorted(os.sched_getaffinity(0))[:1]
-    with nodes(tmp_path, controller={'processors': wanted}) as (probe, processes):
-        probe.ask(START)
-        threads = [
-            int(path.name) for path in Path(f'/proc/{processes["controller"].pid}/task').iterdir()
-        ]
-        assert len(threads) > 1
-        assert all(sorted(os.sched_getaffinity(thread)) == wanted for thread in threads)
-    assert sum('granted' in line for line in log_lines(tmp_path, 'controller')) == 1
-
-
-@pytest.mark.nightly
-def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={'processors': [100_000], 'state_timeout': 10.0}) as (probe, _):
-        probe.ask(START)
-    [line] = log_lines(tmp_path, 'controller')
-    assert 'processors [100000]' in line and 'going on with any' in line
-
-
 def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
     law = make_law('minimum_acceleration', damping=7.0)
     following = CommandLoop(
@@ -266,7 +243,7 @@ def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     controller has printed.
     """
     directory = tmp_path_factory.mktemp('resting')
-    with nodes(directory, controller=SHARED) as (probe, _):
+    with nodes(directory, controller=LIVE) as (probe, _):
         yield probe, lambda: log_lines(directory, 'controller')
 
 

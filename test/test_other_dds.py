@@ -14,7 +14,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from graph_helpers import NAMES, PATIENCE
 
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.nodes.discovery import own_domain
+from redres_ros.nodes.runtime import own_domain
 
 pytestmark = [
     pytest.mark.nightly,

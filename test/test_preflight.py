@@ -20,8 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from graph_helpers import PATIENCE, await_that, nodes
 from std_msgs.msg import String
 
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.preflight import graph_snapshot
 from redres_ros.preflight.arm import ExpectedArm, Level, Verdict
 from redres_ros.preflight.graph import judge

@@ -313,12 +313,12 @@ def test_composed_and_killed_and_started_again_the_arm_makes_no_step(
 ) -> None:
     own = {'task': str(endless_task(tmp_path)), 'autostart': True}
     with graph(Observer) as (observer, start):
-        for life, keep_awake in enumerate((False, True)):
+        for life in range(2):
             observer.states.clear()  # a robot that is started again stands somewhere else
             observer.commands.clear()
             observer.session.clear()  # its word may be received before its first state
             log = tmp_path / f'composed_{life}.log'
-            process = start('composed', log, **ALL, **own, keep_awake=keep_awake)
+            process = start('composed', log, **ALL, **own)
             observer.await_command_mode()
             await_going_on(observer)
             bring_to(mode, observer)

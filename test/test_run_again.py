@@ -24,16 +24,13 @@ from run_again import RUNS, run_again
 pytestmark = pytest.mark.slow
 
 SIM = {'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-PLANNER = {'home_speed': 0.5}
-THERE = 0.02  # [rad], home_tolerance
+THERE = 0.02  # [rad]
 
 
 def arm(robot: str = 'lwr4_paper', rate: float = 100.0, **controller: Any) -> Any:
     """The nodes of an arm."""
     loop = {'rate': rate, 'robot': robot}
-    return virtual_run(
-        sim={**SIM, **loop}, controller={**loop, **controller}, planner={**PLANNER, **loop}
-    )
+    return virtual_run(sim={**SIM, **loop}, controller={**loop, **controller}, planner=loop)
 
 
 def state(run: VirtualRun) -> TaskState:

@@ -25,7 +25,7 @@ class Speaker:
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self.telemetry = Telemetry(node, {'loudness': Float64, 'pitch': Float64})
+        self.telemetry = Telemetry(node, {'speaker/loudness': Float64, 'speaker/pitch': Float64})
         self.made = {'loudness': 0, 'pitch': 0}
 
     def speak(self) -> None:

@@ -266,7 +266,7 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
         state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
         await_that(lambda: arrived(states, state, where), 'the states')
         command = motion.commands[0]
-        reported = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
+        reported = to_message(ControllerSnapshot(Figures(*range(7)), command.state.q))
         await_that(lambda: arrived(snapshots, reported, command.state.q), 'the snapshot')
         monitor.destroy_node()
 

@@ -148,7 +148,7 @@ def test_a_setting_without_name_or_value_is_refused(
 
 @pytest.mark.slow
 def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     with own_domain() as domain:
@@ -162,7 +162,7 @@ def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
 @pytest.mark.slow
 def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
     from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.discovery import own_domain
+    from redres_ros.nodes.runtime import own_domain
 
     with own_domain() as domain:
         loop = {'rate': 100.0}

@@ -11,11 +11,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.planner import PlannerNode
-from redres_ros.nodes.real_time import RealTime
-from redres_ros.nodes.runtime import start
+from redres_ros.nodes.runtime import own_domain, start
 from redres_ros.nodes.sim import SimNode
 
 NODES = {'sim': SimNode, 'controller': ControllerNode, 'planner': PlannerNode}
@@ -104,7 +101,6 @@ def _of(cls: type[Node]) -> Interfaces:
 @contextmanager
 def _made(cls: type[Node]) -> Iterator[Node]:
     node = cls()
-    declare(node, RealTime())
     try:
         yield node
     finally:

@@ -34,8 +34,7 @@ def add(commands: Any) -> None:
 
 def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
-    from redres_ros.nodes.discovery import joined_domain
-    from redres_ros.nodes.runtime import spun
+    from redres_ros.nodes.runtime import joined_domain, spun
     from redres_ros.preflight.arm import ExpectedArm, Level
     from redres_ros.preflight.graph import judge
     from redres_ros.preflight.graph_snapshot import SnapshotNode

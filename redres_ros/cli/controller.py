@@ -208,6 +208,4 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     parameters['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     if options.tip:
         parameters['tip_frame'] = options.tip
-    if options.elbow:
-        parameters['elbow_frame'] = options.elbow
     return parameters

@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from redres_ros.nodes.discovery import joined_domain
+    from redres_ros.nodes.runtime import joined_domain
     from redres_ros.view.page import main
 
     words = ['--ros-args', '-p', f'port:={options.port}']

@@ -35,8 +35,7 @@ def add(commands: Any) -> None:
 def _watch(options: argparse.Namespace) -> int:
     from redres_ros.graph.client import GraphClient
     from redres_ros.graph.watch import Watch, watch
-    from redres_ros.nodes.discovery import joined_domain
-    from redres_ros.nodes.runtime import spun
+    from redres_ros.nodes.runtime import joined_domain, spun
 
     settings = options.set or []
     texts = _texts(settings)

@@ -20,7 +20,6 @@ from redres_ros.planning.waypoints import WaypointTask
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 _PAGE = 'view.page'  # module that serves the page
 _ADDRESS = 'page: '  # how the line begins in which it reports its address
-_LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
 _CLOCK_PATIENCE = 5.0
 
@@ -208,10 +207,7 @@ class NodeGroup:
             **options.parameters,
         }
         sim: dict[str, Any] = {'start': tuple(self._task.start.tolist())}
-        if options.lockstep:
-            # The first state waits for the planner.
-            shared['state_timeout'] = _LOCKSTEP_SILENCE
-        else:
+        if not options.lockstep:
             # The robot waits for its command, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE
             shared['robot_interface'] = 'sim'

@@ -5,7 +5,7 @@ the state of the arm.
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from redres_ros.graph.client import GraphClient
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import JointMapper
-from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC, MountingParameters
+from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
     LATCHED,
@@ -37,7 +37,6 @@ from redres_ros.nodes.topics import (
 )
 from redres_ros.nodes.wire import EncodingError, deserialised
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import arm_from_urdf, choose_arm
 from redres_ros.types import finite_vector
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
@@ -271,16 +270,9 @@ class LiveArm:
                 self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
 
     def _find_model(self, values: Mapping[str, Any]) -> RobotModel:
-        links = (values['tip_frame'], values['elbow_frame'])
-        if values['robot'] == TOPIC:
-            arm = arm_from_urdf(self._await_description(), *links)
-        else:
-            arm = choose_arm(values['robot'], *links)
-        mounting = {field.name: values[field.name] for field in fields(MountingParameters)}
-        for name, value in mounting.items():
-            if not isinstance(value, (float, str)):
-                mounting[name] = tuple(value)
-        return RobotModel(MountingParameters(**mounting).mount(arm))
+        arm = make_arm(values['robot'], values['tip_frame'], self._await_description)
+        limits = tuple(values['acceleration_limit'])
+        return RobotModel(replace(arm, acceleration_limit=limits, dynamics=values['dynamics']))
 
     def _await_description(self) -> str:
         """The URDF on the topic; empty if none comes."""

@@ -18,7 +18,6 @@ from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings
-from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import JointMapper, TwistTransformer
 from redres_ros.nodes.diagnostics import (
@@ -32,7 +31,7 @@ from redres_ros.nodes.diagnostics import (
 )
 from redres_ros.nodes.forwarding import Forwarding
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.obstacles import show_obstacles, take_workspace
+from redres_ros.nodes.markers import show_obstacles, take_workspace
 from redres_ros.nodes.parameters import (
     NONE,
     ListenerParameters,
@@ -45,7 +44,7 @@ from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sensors import Sensors
 from redres_ros.nodes.telemetry import LatchedWords
-from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT
+from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT, STEADY
 from redres_ros.nodes.wire import (
     JointSample,
     JointStateReader,
@@ -55,6 +54,7 @@ from redres_ros.nodes.wire import (
 )
 from redres_ros.parameter import param
 from redres_ros.robot_interface import ROBOT_INTERFACES
+from redres_ros.robot_model import RobotModel
 from redres_ros.types import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
@@ -98,9 +98,9 @@ class ControllerNode(ManagedNode):
         robot = declare_robot(self)
         settings = declare(self, ControllerParameters())
         load_plugins(named(settings.plugins))
-        model = robot.model
+        model = RobotModel(robot.arm)
         T = 1.0 / settings.rate
-        self._policy = PolicyParameters(self, model, robot.task_space, T)
+        self._policy = PolicyParameters(self, model, settings.task_space, T)
         loop_settings = declare(self, LoopSettings())
         self._controller = Controller(
             model,
@@ -113,11 +113,7 @@ class ControllerNode(ManagedNode):
         self._controller.set_policy(self._policy.policy)
         self._rows = self._controller.m
         self._sensors = Sensors(self, model, self._rows, T, settings.switch_time)
-        self._loop = CommandLoop(
-            self._controller,
-            loop_settings,
-            self._sensors.contact,
-        )
+        self._loop = CommandLoop(self._controller, loop_settings, self._sensors.contact)
         self._loop.deactivate()
         frame = settings.base_frame or model.base_frame
         self._transformer = TwistTransformer(model, frame)
@@ -133,7 +129,7 @@ class ControllerNode(ManagedNode):
         self._reported_mode: Mode | None = None
         self._telemetry = MotionTelemetry(self, frame, T)
         self._inputs = InputMonitor(self)
-        self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
+        self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
         show_obstacles(self, frame)
         take_workspace(self, frame)
@@ -153,7 +149,7 @@ class ControllerNode(ManagedNode):
         self._sensors.listen(self._loop, self._inputs)
         self._sensors.apply({}, self._policy.policy.measurements)
         if self._controller.robot_interface.patience:
-            create_steady_timer(self, _LOOK, self._on_look)
+            self.create_timer(_LOOK, self._on_look, clock=STEADY)
 
     def _on_state(self, message: JointState | bytes) -> None:
         try:
@@ -267,8 +263,7 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _may_be_cleaned_up(self) -> bool:
-        moves = self._loop.mode.moves
-        return not moves or self._watchdog.silent
+        return not self._loop.mode.moves or self._watchdog.silent
 
     def _forget(self) -> None:
         self._loop.forget()
@@ -291,7 +286,7 @@ class ControllerNode(ManagedNode):
     def _health(self) -> Health:
         law = self._controller.law
         loop = self._loop
-        figures = {
+        values = {
             'mode': loop.mode.value,
             'law': law_name(law),
             'damping [1/s]': law.damping,
@@ -302,22 +297,22 @@ class ControllerNode(ManagedNode):
             'task velocities late': loop.input.of_task.late,
             'references changed by the safety filter': loop.safety_filter.count,
             'messages refused': self._inputs.count,
-            **self._sensors.figures,
+            **self._sensors.values,
         }
         if self._watchdog.silent:
-            return Health(ERROR, 'no joint_states', figures)
+            return Health(ERROR, 'no joint_states', values)
         if error := self._error:
             self._report()
-            return Health(ERROR, error, figures)
+            return Health(ERROR, error, values)
         if self._inputs.reasons:
-            return Health(WARN, self._inputs.reasons, figures)
+            return Health(WARN, self._inputs.reasons, values)
         if not self.active:
-            return Health(WARN, self.life, figures)
+            return Health(WARN, self.life, values)
         if loop.mode is Mode.MIRRORING:
-            return Health(WARN, 'mirroring: the robot takes no commands', figures)
-        if warning := loop.limit_warning or self._sensors.problem:
-            return Health(WARN, warning, figures)
-        return Health(OK, loop.mode.value, figures)
+            return Health(WARN, 'mirroring: the robot takes no commands', values)
+        if warning := loop.limit_warning or loop.measurements.problem:
+            return Health(WARN, warning, values)
+        return Health(OK, loop.mode.value, values)
 
 
 def main(arguments: list[str] | None = None) -> int:

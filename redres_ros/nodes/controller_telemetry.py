@@ -20,22 +20,22 @@ from redres_ros.loop.command_loop import Response
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.policy import Policy
-from redres_ros.types import check_finite
+from redres_ros.types import JointPositions, Nanoseconds, Seconds, check_finite
 
-_NAME = 'snapshot'  # below the controller's own
-TOPIC = f'controller/{_NAME}'
+TOPIC = 'controller/snapshot'
 PERIOD = 50_000_000  # [ns] of the robot's clock from one snapshot to the next
 
+_SNAPSHOT = 'snapshot'
 _SCALING = 'task_scaling'
 _LIMITS = 'active_limits'
-_VALUES = {name: figure for name, figure in VALUES.items() if name != _SCALING}
+_VALUES = {name: value for name, value in VALUES.items() if name != _SCALING}
 _EVERY_TICK = ('tip_pose', *_VALUES, 'lost_velocity', 'law')  # others are published less often
 _TYPES = {
     'tip_pose': PoseStamped,
     **dict.fromkeys((*VALUES, 'lost_velocity'), Float64),
     'law': String,
     _LIMITS: String,
-    _NAME: Float64MultiArray,
+    _SNAPSHOT: Float64MultiArray,
 }
 # [s] after which an unchanged scaling is repeated; the planner waits for 0.1 s, and nine of ten
 # may be lost
@@ -45,13 +45,13 @@ _LIMITS_REMINDER = 0.5  # [s] the same, while none acts
 
 
 class Figures(NamedTuple):
-    """Figures of one instant, named as the topics; those of dq and ddq: the largest since the last.
+    """Values of one instant, named as the topics; those of dq and ddq: the largest since the last.
 
     Attributes:
-        time: Of the robot's clock [s].
+        time: Of the robot's clock.
     """
 
-    time: float
+    time: Seconds
     joint_velocity_norm: float
     joint_acceleration_norm: float
     null_velocity_norm: float
@@ -61,26 +61,10 @@ class Figures(NamedTuple):
 
 
 class ControllerSnapshot(NamedTuple):
-    """The arm at one tick: its figures, and the measured positions q, (n,) [rad]."""
+    """The arm at one tick: its figures, and the measured positions."""
 
     figures: Figures
-    q: np.ndarray
-
-    @classmethod
-    def of(
-        cls, stamp: int, command: Command, speed: float, acceleration: float
-    ) -> 'ControllerSnapshot':
-        """The snapshot of a command.
-
-        Args:
-            stamp: Of the state that it is for [ns].
-            command: The command.
-            speed: Largest norm of the joint velocity since the last snapshot [rad/s].
-            acceleration: The same of the joint acceleration [rad/s^2].
-        """
-        values = {name: figure(command) for name, figure in VALUES.items()}
-        values |= {'joint_velocity_norm': speed, 'joint_acceleration_norm': acceleration}
-        return cls(Figures(stamp / 1e9, **values), command.state.q)
+    q: JointPositions
 
 
 def to_message(snapshot: ControllerSnapshot) -> Float64MultiArray:
@@ -89,14 +73,8 @@ def to_message(snapshot: ControllerSnapshot) -> Float64MultiArray:
 
 
 def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
-    """The snapshot in a message.
-
-    Args:
-        message: Of the topic.
-        n: Number of the arm's joints.
-
-    Raises:
-        ArrayError: A message of another length, NaN or infinity.
+    """The snapshot of an arm with n joints in a message. Raises ArrayError for any other message,
+    NaN or infinity.
     """
     data = np.array(message.data)
     head = len(Figures._fields)
@@ -111,34 +89,31 @@ class SnapshotPublisher:
 
     def __init__(self, telemetry: Telemetry) -> None:
         self._telemetry = telemetry
-        self._published = 0  # stamp of the newest one [ns]
-        self._speed = 0.0  # the largest since then [rad/s]
-        self._acceleration = 0.0  # the same [rad/s^2]
+        self._begin(0)
 
-    def see(self, stamp: int, command: Command) -> None:
-        """Record a command, and publish if it is time.
+    def _begin(self, stamp: Nanoseconds) -> None:
+        self._stamp = stamp  # of the newest one
+        self._speed = 0.0  # the largest norm of dq since then [rad/s]
+        self._acceleration = 0.0  # the same of ddq [rad/s^2]
 
-        Args:
-            stamp: Of the state [ns].
-            command: The command for it.
-        """
-        if _NAME not in self._telemetry.subscribed:
+    def see(self, stamp: Nanoseconds, command: Command) -> None:
+        """Record the command for a state, and publish if it is time."""
+        if _SNAPSHOT not in self._telemetry.subscribed:
             return
-        elapsed = stamp - self._published
-        if not 0 <= elapsed < 2 * PERIOD:
-            self._begin(stamp)  # a subscriber has come, or it is another clock
+        elapsed = stamp - self._stamp
+        if not 0 <= elapsed < 2 * PERIOD:  # a subscriber has come, or it is another clock
+            self._begin(stamp)
         self._speed = max(self._speed, norm(command.dq))
         self._acceleration = max(self._acceleration, norm(command.ddq))
         if elapsed >= PERIOD:
-            snapshot = ControllerSnapshot.of(stamp, command, self._speed, self._acceleration)
-            self._telemetry.publish(_NAME, lambda: to_message(snapshot))
+            self._telemetry.publish(_SNAPSHOT, lambda: to_message(self._snapshot(stamp, command)))
             self._begin(stamp)
 
-    def _begin(self, stamp: int) -> None:
-        """Begin the time of the next one at a stamp [ns]."""
-        self._published = stamp
-        self._speed = 0.0
-        self._acceleration = 0.0
+    def _snapshot(self, stamp: Nanoseconds, command: Command) -> ControllerSnapshot:
+        values = {name: value(command) for name, value in VALUES.items()}
+        values['joint_velocity_norm'] = self._speed
+        values['joint_acceleration_norm'] = self._acceleration
+        return ControllerSnapshot(Figures(stamp / 1e9, **values), command.state.q)
 
 
 class MotionTelemetry:
@@ -147,40 +122,31 @@ class MotionTelemetry:
     Args:
         node: Publishes.
         frame: Which the tip's pose is in.
-        T: The controller's cycle [s].
+        T: The controller's cycle.
     """
 
-    def __init__(self, node: Node, frame: str, T: float) -> None:
-        self._telemetry = Telemetry(node, _TYPES)
+    def __init__(self, node: Node, frame: str, T: Seconds) -> None:
+        own = {f'{node.get_name()}/{name}': kind for name, kind in _TYPES.items()}
+        self._telemetry = Telemetry(node, own)
         self._snapshots = SnapshotPublisher(self._telemetry)
         self._frame = frame
         self._scaling = 0.0  # published last
-        self._unsaid = 0  # ticks since then
-        self._unsaid_most = max(round(_REMINDER / T), 1)
+        self._scaling_age = 0  # ticks since then
+        self._scaling_oldest = max(round(_REMINDER / T), 1)
         self._active_limits = ''  # published last
         self._limits_age = 0  # ticks since then
-        self._limits_least = round(_LIMITS_PERIOD / T)
-        self._limits_most = round(_LIMITS_REMINDER / T)
+        self._limits_soonest = round(_LIMITS_PERIOD / T)
+        self._limits_oldest = round(_LIMITS_REMINDER / T)
 
     def publish_change(self, scaling: float) -> None:
         """Publish the task scaling, if it has changed: every message wakes up the planner."""
         if scaling != self._scaling:
             self._publish_scaling(scaling)
 
-    def _publish_scaling(self, scaling: float) -> None:
-        self._scaling = scaling
-        self._unsaid = 0
-        self._telemetry.publish(_SCALING, lambda: scaling)
-
     def publish(self, response: Response, policy: Policy) -> None:
-        """Publish every topic with a subscriber, and repeat the task scaling now and then.
-
-        Args:
-            response: Of this tick.
-            policy: In force.
-        """
-        self._unsaid += 1
-        if self._unsaid >= self._unsaid_most:
+        """Publish every topic with a subscriber, and repeat the task scaling now and then."""
+        self._scaling_age += 1
+        if self._scaling_age >= self._scaling_oldest:
             self._publish_scaling(response.scaling)
         command = response.command
         self._publish_limits(command)
@@ -189,16 +155,21 @@ class MotionTelemetry:
             return
         publish = self._telemetry.publish
         publish('tip_pose', lambda: self._tip_pose(response))
-        for name, figure in _VALUES.items():
-            publish(name, partial(figure, command))
+        for name, value in _VALUES.items():
+            publish(name, partial(value, command))
         publish('lost_velocity', lambda: norm(command.unachieved))
         publish('law', lambda: law_name(policy.law))
+
+    def _publish_scaling(self, scaling: float) -> None:
+        self._scaling = scaling
+        self._scaling_age = 0
+        self._telemetry.publish(_SCALING, lambda: scaling)
 
     def _publish_limits(self, command: Command) -> None:
         """Publish which limits act: often while they do or have just changed, else now and then."""
         self._limits_age += 1
         is_quiet = not command.active_limit and not self._active_limits
-        if self._limits_age >= (self._limits_most if is_quiet else self._limits_least):
+        if self._limits_age >= (self._limits_oldest if is_quiet else self._limits_soonest):
             self._active_limits = command.active_limits
             self._limits_age = 0
             self._telemetry.publish(_LIMITS, lambda: command.active_limits)

@@ -11,6 +11,14 @@ from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownN
 from redres_ros.nodes.wire import JointSample, to_time
 from redres_ros.robot_model import RobotModel
 from redres_ros.rotation import from_quaternion, to_quaternion
+from redres_ros.types import (
+    JointPositions,
+    JointVelocities,
+    Nanoseconds,
+    Position,
+    Rotation,
+    Twist,
+)
 
 _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
 
@@ -34,7 +42,7 @@ class JointMapper:
     def __init__(self, names: Sequence[str], report: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
         self._report = report
-        # Of names that came the places of ours among them; None: as ours.
+        # Places of our joints among the names that came; None: as ours.
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
         self._foreign: set[tuple[str, ...]] = set()  # sets of names without any of ours
 
@@ -50,18 +58,18 @@ class JointMapper:
             self._report_foreign(names)
         return False
 
-    def positions(self, message: JointState | JointSample) -> np.ndarray:
-        """q (n,) [rad] in our order; raises as in_order() does."""
+    def positions(self, message: JointState | JointSample) -> JointPositions:
+        """q in our order; raises as in_order() does."""
         return self.in_order(message.name, message.position, 'positions')
 
-    def velocities(self, message: JointState) -> np.ndarray:
-        """dq (n,) [rad/s] in our order; raises as in_order() does."""
+    def velocities(self, message: JointState) -> JointVelocities:
+        """dq in our order; raises as in_order() does."""
         return self.in_order(message.name, message.velocity, 'velocities')
 
     def in_order(
         self, names: Sequence[str], given: Sequence[float] | np.ndarray, what: str
     ) -> np.ndarray:
-        """Values (n,) in our order; they need not be finite.
+        """A value of each of our joints, (n,), which need not be finite.
 
         Args:
             names: Names of joints.
@@ -70,7 +78,7 @@ class JointMapper:
 
         Raises:
             JointNamesError: A joint of the arm is missing, or named twice.
-            _LengthError: There is not one value for each name.
+            ArrayError: There is not one value for each name.
         """
         key = tuple(names)
         order = self._orders[key] if key in self._orders else self._learn(key)
@@ -97,28 +105,16 @@ class JointMapper:
 
 
 class TwistTransformer:
-    """Turns velocities of the tip from the axes of any link into those of the base.
-
-    Args:
-        model: The arm.
-        base_frame: A further name of the base, beside that of the URDF's root link and ''.
+    """Turns velocities of the tip from the axes of any link into those of the base, which may have
+    a further name.
     """
 
     def __init__(self, model: RobotModel, base_frame: str) -> None:
         self._model = model
         self._base_frames = ('', base_frame, model.base_frame)
 
-    def to_base(self, dx: np.ndarray, frame: str, q: np.ndarray) -> np.ndarray:
-        """The same velocity in the axes of the base, (6,).
-
-        Args:
-            dx: Linear and angular part along the axes of the frame, (6,).
-            frame: A link of the arm, or the base.
-            q: Joint positions, (n,) [rad].
-
-        Raises:
-            _FrameError: The arm has no such link.
-        """
+    def to_base(self, dx: Twist, frame: str, q: JointPositions) -> Twist:
+        """The same velocity in the axes of the base. Raises RedresError for an unknown frame."""
         if frame in self._base_frames:
             return dx
         try:
@@ -128,16 +124,11 @@ class TwistTransformer:
         return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
 
 
-def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) [m] and orientation (3, 3) of a pose.
+def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, Rotation]:
+    """Position and orientation of a target_pose in one of the frames.
 
-    Args:
-        message: A quaternion of any length counts by its direction.
-        frames: Those that it may be in.
-
-    Raises:
-        _FrameError: Another frame.
-        ArrayError: NaN, infinity, or a quaternion of length 0.
+    A quaternion of any length but 0 counts by its direction. Raises RedresError for another frame,
+    NaN or infinity.
     """
     if message.header.frame_id not in frames:
         allowed = ', '.join(map(repr, frames))
@@ -152,15 +143,8 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray
     return x, from_quaternion(direction)
 
 
-def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:
-    """A pose as a message, with a unit quaternion.
-
-    Args:
-        stamp: [ns].
-        frame: Which the pose is in.
-        x: Position, (3,) [m].
-        R: Orientation, (3, 3).
-    """
+def to_pose(stamp: Nanoseconds, frame: str, x: Position, R: Rotation) -> PoseStamped:
+    """A pose as a message, with a unit quaternion."""
     message = PoseStamped()
     message.header.stamp = to_time(stamp)
     message.header.frame_id = frame

@@ -9,8 +9,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from redres_ros.errors import one_line
-from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.topics import PUBLISH
+from redres_ros.nodes.topics import PUBLISH, STEADY
+from redres_ros.types import Seconds
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
@@ -18,41 +18,36 @@ ERROR = DiagnosticStatus.ERROR
 
 _QUIET = 1.0  # [s] an event is over when it has not recurred for that long
 _LOOK = 0.25  # [s] between looks at that
+_SILENCE = 0.1  # [s] without states that is reported, and at least as many cycles as
+_SILENT_CYCLES = 10
 
 
 class Health(NamedTuple):
-    """Level, one line in words, and figures by name."""
+    """Level, one line in words, and values by name."""
 
     level: bytes
     summary: str
-    figures: Mapping[str, object]
+    values: Mapping[str, object]
 
 
 class Diagnostics:
-    """Publishes what `health()` gives on /diagnostics, once a second.
-
-    Args:
-        node: Node whose health is published.
-        hardware: The robot's name.
-        health: Asked once a second.
-    """
+    """Publishes what `health()` returns on /diagnostics, once a second."""
 
     def __init__(self, node: Node, hardware: str, health: Callable[[], Health]) -> None:
         self._node = node
         self._hardware = hardware
         self._health = health
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', PUBLISH)
-        create_steady_timer(node, 1.0, self.publish)
+        node.create_timer(1.0, self.publish, clock=STEADY)
 
     def publish(self) -> None:
         """Publish now."""
-        level, summary, figures = self._health()
-        values = [KeyValue(key=key, value=_to_text(value)) for key, value in figures.items()]
+        level, summary, values = self._health()
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_fully_qualified_name(),
             message=summary,
-            values=values,
+            values=[KeyValue(key=key, value=_to_text(value)) for key, value in values.items()],
             hardware_id=self._hardware,
         )
         message = DiagnosticArray(status=[status])
@@ -66,47 +61,34 @@ def _to_text(value: object) -> str:
 
 @dataclass
 class _Episode:
-    """A time in which inputs of a source are refused; some may be accepted meanwhile.
+    """A time in which inputs of a source are refused; some may be accepted meanwhile."""
 
-    Attributes:
-        reason: The newest.
-        count: Number of refused inputs.
-        last: When the last one came [s].
-        over: Whether an input could be used since.
-        kinds: Kinds of errors, each of which is reported once.
-    """
-
-    reason: str = ''
+    reason: str = ''  # the newest
     count: int = 0
-    last: float = 0.0
-    over: bool = False
-    kinds: set[type[Exception]] = field(default_factory=set)
+    last: Seconds = 0.0
+    over: bool = False  # an input could be used since
+    reported: set[type[Exception]] = field(default_factory=set)
 
 
 class InputMonitor:
-    """Logs when inputs of a source are refused, for a new reason too, and when no longer."""
+    """Logs when inputs of a source are refused, for a new kind of error too, and when no longer."""
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
         self._bad: dict[str, _Episode] = {}
         self.count = 0
-        create_steady_timer(node, _LOOK, self._look)
+        node.create_timer(_LOOK, self._look, clock=STEADY)
 
     def refuse(self, source: str, error: Exception) -> None:
-        """Count an input that cannot be used.
-
-        Args:
-            source: The topic.
-            error: What was got and what is allowed.
-        """
+        """Count an input of a topic or service that cannot be used."""
         self.count += 1
         episode = self._bad.setdefault(source, _Episode())
         episode.reason = one_line(str(error))
         episode.count += 1
         episode.last = time.monotonic()
         episode.over = False
-        if type(error) not in episode.kinds:
-            episode.kinds.add(type(error))
+        if type(error) not in episode.reported:
+            episode.reported.add(type(error))
             self._logger.error(f'{source} refused: {episode.reason}')
 
     def accept(self, source: str) -> None:
@@ -128,26 +110,26 @@ class InputMonitor:
 
 
 class Watchdog:
-    """Notices the silence of a topic by the monotonic clock; logs its beginning and its end.
+    """Notices the silence of joint_states by the monotonic clock; logs its beginning and its end.
 
     Args:
         node: Node whose log is used.
-        topic: Its name in the log.
-        timeout: Silence that is reported [s].
+        rate: States per second.
+        lockstep: States wait for commands: no silence is too long.
     """
 
-    def __init__(self, node: Node, topic: str, timeout: float) -> None:
+    def __init__(self, node: Node, rate: float, lockstep: bool) -> None:
         self._logger = node.get_logger()
-        self._topic = topic
-        self._timeout = timeout
+        self._timeout = max(_SILENCE, _SILENT_CYCLES / rate)
         self._last = time.monotonic()
         self._last_silence = self._last
         self._reported = False
         self.silent = False
-        create_steady_timer(node, timeout / 2.0, self._look)
+        if not lockstep:
+            node.create_timer(self._timeout / 2.0, self._look, clock=STEADY)
 
     def feed(self) -> None:
-        """A message has come."""
+        """A state has come."""
         now = time.monotonic()
         if now - self._last > self._timeout:
             self._last_silence = now  # which the timer may have missed if the machine stalled
@@ -161,7 +143,7 @@ class Watchdog:
             self._last_silence = now
             if not self._reported:
                 self._reported = True
-                self._logger.warning(f'no {self._topic} for {self._timeout:g} s')
+                self._logger.warning(f'no joint_states for {self._timeout:g} s')
         elif self._reported and now - self._last_silence > _QUIET:
             self._reported = False
-            self._logger.info(f'{self._topic} is back')
+            self._logger.info('joint_states is back')

@@ -1,22 +1,22 @@
 """The executables. Each loads its node in here: help needs no ROS, and Ctrl-C ends it quietly."""
 
-import ast
 import sys
-from collections.abc import Iterator
 from functools import partial
 from importlib import import_module
-from itertools import pairwise, takewhile
-from pathlib import Path
-from typing import Any
+from itertools import takewhile
 
-from redres_ros.errors import RedresError, UnknownNameError, reason_of
-from redres_ros.files.installed import installed
+from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.remedy import not_installed
 
 _ROS = '--ros-args'
-_LAWS = Path(__file__).parents[1] / 'laws' / '__init__.py'
+_PURPOSES = {
+    'composed': 'The nodes sim, controller and planner in one process; with --no-sim a robot is '
+    'in place of the sim.',
+    'controller': 'One joint_states message in, one joint_command out.',
+    'planner': "Streams a task's velocities, one cartesian_velocity for each joint_states.",
+    'sim': 'A fake robot controller with a simulated arm. It is the clock of the graph.',
+}
 _OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
-_REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
 
 
 def run_node(name: str, arguments: list[str] | None = None) -> int:
@@ -31,15 +31,16 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
         the node began.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
+    options = _OPTIONS.get(name, ())
     try:
         if {'-h', '--help'} & set(arguments):
-            print(_help(name), flush=True)
+            print(_help(name, options), flush=True)
             return 0
         for word in takewhile(lambda word: word != _ROS, arguments):
-            if word not in _OPTIONS.get(name, ()):
-                print(f'redres_{name}: got {word!r}; {_REMEDY}', file=sys.stderr)
+            if word not in options:
+                remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
+                print(f'redres_{name}: got {word!r}; {remedy}', file=sys.stderr)
                 return 2
-        _check_law(arguments)
         status: int = import_module(f'redres_ros.nodes.{name}').main()
         return status
     except KeyboardInterrupt:
@@ -61,61 +62,14 @@ planner = partial(run_node, 'planner')
 sim = partial(run_node, 'sim')
 
 
-def _check_law(arguments: list[str]) -> None:
-    """Refuse a mistyped law before formulas are compiled. With plugins, the node itself decides."""
-    given = [word.partition(':=')[::2] for word in arguments]
-    for option, file in pairwise(arguments):
-        if option == '--params-file':
-            given += _parameters_in(Path(file))
-    if any(name == 'plugins' for name, _ in given):
-        return
-    for name, law in given:
-        if name == 'law' and law:
-            check_law(str(law))
-
-
-def check_law(name: str) -> None:
-    """Refuse a name that is no law's, and that no plugin adds. Raises UnknownNameError.
-
-    The names come from the source of their table: loading it would compile the formulas, which
-    takes a quarter of a minute the first time.
-    """
-    own = _law_names()
-    if name not in own:
-        known = [*own, *installed('laws')]
-        if name not in known:
-            raise UnknownNameError('law', name, known)
-
-
-def _law_names() -> list[str]:
-    """The names in the table LAWS."""
-    tree = ast.parse(_LAWS.read_text(encoding='utf-8'))
-    [table] = [node.value for node in tree.body if isinstance(node, ast.AnnAssign)]
-    keywords = table.keywords if isinstance(table, ast.Call) else []
-    return [keyword.arg for keyword in keywords if keyword.arg]
-
-
-def _parameters_in(file: Path) -> Iterator[tuple[str, Any]]:
-    """Names and values that a file of parameters has for the controller. Raises FileError."""
-    from redres_ros.files.yaml import read_yaml
-
-    sections = read_yaml(file)
-    for key, section in sections.items() if isinstance(sections, dict) else ():
-        if str(key).endswith(('/**', 'controller')) and isinstance(section, dict):
-            values = section.get('ros__parameters')
-            yield from values.items() if isinstance(values, dict) else ()
-
-
-def _help(name: str) -> str:
-    """The help text of an executable, from its module's docstring without loading it."""
+def _help(name: str, options: tuple[str, ...]) -> str:
     from redres_ros.files.share import share_path
 
-    source = Path(__file__).with_name(f'{name}.py').read_text(encoding='utf-8')
-    called = ' '.join([f'redres_{name}', *(f'[{option}]' for option in _OPTIONS.get(name, ()))])
+    called = ' '.join([f'redres_{name}', *(f'[{option}]' for option in options)])
     return f"""\
 usage: {called} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
 
-{ast.get_docstring(ast.parse(source))}
+{_PURPOSES[name]}
 
 The common parameters, with defaults and units: {share_path('config/redres.yaml')}
 What is allowed for one of a running node: ros2 param describe /{name} PARAMETER"""

@@ -3,14 +3,13 @@
 import time
 from collections.abc import Sequence
 
-import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
-from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.topics import PUBLISH
+from redres_ros.nodes.topics import PUBLISH, STEADY
+from redres_ros.types import JointPositions
 
 _CONTROLLER = 'forward_position_controller'
 _LOOK = 0.1  # [s] between checks of the subscribers
@@ -21,15 +20,12 @@ _ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 class Forwarding:
     """Publishes positions, numbers without names, once the order of their joints is confirmed.
 
-    Args:
-        node: Publishes.
-        names: Names of the joints, from base to tip.
-
     Attributes:
         error: Why nothing is forwarded; empty if there is no error.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
+        """For the joints of those names, from base to tip."""
         self.error = ''
         self._node = node
         self._names = list(names)
@@ -38,15 +34,15 @@ class Forwarding:
         )
         self._client = node.create_client(GetParameters, f'{_CONTROLLER}/get_parameters')
         self._forget()
-        create_steady_timer(node, _LOOK, self._look)
+        node.create_timer(_LOOK, self._look, clock=STEADY)
 
     @property
     def is_pending(self) -> bool:
         """Whether there is a subscriber whose order of joints is unknown or wrong."""
         return not self._is_confirmed and self._publisher.get_subscription_count() > 0
 
-    def publish(self, q_ref: np.ndarray) -> None:
-        """Forward a reference (n,) [rad], if the order of its joints is known to be right."""
+    def publish(self, q_ref: JointPositions) -> None:
+        """Forward a reference, if the order of its joints is known to be right."""
         if self._is_confirmed:
             self._publisher.publish(Float64MultiArray(data=q_ref.tolist()))
 

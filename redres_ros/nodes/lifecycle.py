@@ -6,11 +6,12 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.clocks import warn_without_clock
-from redres_ros.nodes.parameters import declare
+from redres_ros.nodes.parameters import check_given, declare
+from redres_ros.nodes.topics import STEADY
 from redres_ros.parameter import param
 
 _DONE = TransitionCallbackReturn.SUCCESS
+_PATIENCE = 3.0  # [s] for the first message on /clock
 
 
 class LifeError(RedresError):
@@ -47,6 +48,7 @@ class ManagedNode(LifecycleNode):
 
         Raises:
             LifeError: It was remapped.
+            ParameterError: A parameter is set that is gone.
         """
         super().__init__(name)
         if self.get_name() != name:
@@ -54,16 +56,27 @@ class ManagedNode(LifecycleNode):
                 f'__node is {self.get_name()!r}; allowed: {name}, which is part of the topics that '
                 f'other nodes use; a namespace keeps robots apart: -r __ns:=/{self.get_name()}'
             )
+        check_given(self)
 
     def _start_life(self) -> None:
         """Go to the state in which the node is to start."""
         self._refuse_impossible_transitions()
-        warn_without_clock(self)
+        if self.get_parameter('use_sim_time').value:
+            self._clock_timer = self.create_timer(_PATIENCE, self._look_at_clock, clock=STEADY)
         wanted = declare(self, _LifecycleParameters()).initial_state
         if wanted != 'unconfigured':
             self.trigger_configure()
         if wanted == 'active':
             self.trigger_activate()
+
+    def _look_at_clock(self) -> None:
+        """Report once that use_sim_time is set but /clock is not published."""
+        self._clock_timer.cancel()
+        if self.get_clock().now().nanoseconds == 0:
+            self.get_logger().warning(
+                'use_sim_time is true, but /clock has no publisher: what this node itself stamps '
+                'has the time 0; start the simulation, or set use_sim_time to false'
+            )
 
     def _begin(self) -> None:
         """Begin to act."""

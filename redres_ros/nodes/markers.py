@@ -1,98 +1,192 @@
-"""`markers` for RViz: the paths of tip and elbow, and the points of the task."""
+"""`markers` for RViz: the paths of tip and elbow, the points of the task, and what the arm keeps
+away from, which the topic `workspace` may set.
+"""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.topics import PUBLISH
+from redres_ros.limits.shapes import SPHERE, DrawnShape, shapes_of
+from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
 from redres_ros.nodes.wire import to_time
+from redres_ros.types import Nanoseconds, Points, Position
 
-PERIOD = 0.2  # [s] between two messages
+_TRACES_EVERY = 0.2  # [s]
+_SHAPES_EVERY = 1.0  # [s]
 _STEP = 50_000_000  # [ns] of the robot's clock between two points of a trace
 _LENGTH = 200  # points of a trace: 10 s
 
 _ORANGE = ColorRGBA(r=0.95, g=0.55, b=0.1, a=1.0)
 _BLUE = ColorRGBA(r=0.2, g=0.45, b=0.85, a=1.0)
 _GREY = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
+_OUTSIDE = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)
+_INSIDE = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.15)
+_SOLID = ColorRGBA(r=0.6, g=0.6, b=0.6, a=0.6)
+_SIDES = ('inside', 'outside')
+_SIZES = {'boxes': 6, 'spheres': 4}  # numbers of each shape
+
+Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
 
 
 class Markers:
-    """Publishes `markers` a few times a second, while there is a subscriber.
+    """Publishes the traces and the points of the task while there is a subscriber.
 
     Args:
         node: Publishes.
         frame: Frame of all points.
-        waypoints: The points of the task, (N, 3) [m].
+        waypoints: The points of the task.
     """
 
-    def __init__(self, node: Node, frame: str, waypoints: np.ndarray) -> None:
+    def __init__(self, node: Node, frame: str, waypoints: Points) -> None:
         self._publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
         self._tip: deque[Point] = deque(maxlen=_LENGTH)
         self._elbow: deque[Point] = deque(maxlen=_LENGTH)
         self._next = 0  # stamp from which the traces go on [ns]
         self._stamp = 0  # of the newest state [ns]
-        self._points = make_marker('task', Marker.SPHERE_LIST, 0.015, _GREY)
-        self._points.points = [to_point(x) for x in waypoints]
-        self._traces = {
-            'tip': (make_marker('tip', Marker.LINE_STRIP, 0.004, _ORANGE), self._tip),
-            'elbow': (make_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE), self._elbow),
-        }
-        for marker in self._all():
+        points = _make_marker('task', Marker.SPHERE_LIST, 0.015, _GREY)
+        points.points = [_to_point(x) for x in waypoints]
+        self._traces = (
+            (_make_marker('tip', Marker.LINE_STRIP, 0.004, _ORANGE), self._tip),
+            (_make_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE), self._elbow),
+        )
+        self._markers = [points, *(marker for marker, _ in self._traces)]
+        for marker in self._markers:
             marker.header.frame_id = frame
-        self.has_subscribers = False
-        create_steady_timer(node, PERIOD, self._publish)
+        self._has_subscribers = False
+        node.create_timer(_TRACES_EVERY, self._publish, clock=STEADY)
 
-    def wants(self, stamp: int) -> bool:
-        """Whether the state of this stamp [ns] is to be shown: a few times a second, if at all."""
+    def wants(self, stamp: Nanoseconds) -> bool:
+        """Whether the state of this stamp is to be shown: a few times a second, if at all."""
         self._stamp = stamp
-        return self.has_subscribers and not self._next - _STEP < stamp < self._next
+        return self._has_subscribers and not self._next - _STEP < stamp < self._next
 
-    def see(self, stamp: int, tip: np.ndarray, elbow: np.ndarray) -> None:
-        """Record where tip and elbow are at a state.
-
-        Args:
-            stamp: Stamp of the state [ns].
-            tip: (3,) [m].
-            elbow: (3,) [m].
-        """
+    def see(self, stamp: Nanoseconds, tip: Position, elbow: Position) -> None:
+        """Record where tip and elbow are at a state."""
         self._next = stamp + _STEP
-        self._tip.append(to_point(tip))
-        self._elbow.append(to_point(elbow))
+        self._tip.append(_to_point(tip))
+        self._elbow.append(_to_point(elbow))
 
     def _publish(self) -> None:
-        self.has_subscribers = self._publisher.get_subscription_count() > 0
-        if not self.has_subscribers:
+        self._has_subscribers = self._publisher.get_subscription_count() > 0
+        if not self._has_subscribers:
             return
-        stamp = to_time(self._stamp)
-        for marker, points in self._traces.values():
+        for marker, points in self._traces:
             marker.points = list(points)
             # RViz complains of a line of less than two points.
             marker.action = Marker.ADD if len(points) > 1 else Marker.DELETE
-        for marker in self._all():
-            marker.header.stamp = stamp
-        self._publisher.publish(MarkerArray(markers=list(self._all())))
-
-    def _all(self) -> Iterable[Marker]:
-        yield self._points
-        for marker, _ in self._traces.values():
-            yield marker
+        for marker in self._markers:
+            marker.header.stamp = to_time(self._stamp)
+        self._publisher.publish(MarkerArray(markers=self._markers))
 
 
-def make_marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
-    """A marker without points.
+def show_obstacles(
+    node: Node, frame: str, shapes: Shapes = shapes_of, namespace: str = 'obstacles'
+) -> None:
+    """Have a node publish what its limits keep away from, or other shapes.
 
     Args:
-        name: Its namespace.
-        kind: Such as Marker.SPHERE.
-        size: Diameter or width [m].
-        color: Colour of the marker.
+        node: Node with the parameters of these limits.
+        frame: Frame of their figures.
+        shapes: Shapes by the values of these parameters.
+        namespace: Namespace of the markers.
     """
+    publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+    shown: set[int] = set()
+
+    def publish() -> None:
+        if publisher.get_subscription_count() == 0:
+            return
+        drawn = shapes(lambda name: node.get_parameter(name).value)
+        markers = list(map(_to_marker, drawn))
+        for number, marker in enumerate(markers):
+            marker.id = number
+        gone = shown - {marker.id for marker in markers}
+        shown.update(range(len(markers)))
+        shown.difference_update(gone)
+        # One by one: DELETEALL would also delete the traces.
+        markers += [Marker(id=number, action=Marker.DELETE) for number in gone]
+        for marker in markers:
+            marker.ns = namespace
+            marker.header.frame_id = frame
+        publisher.publish(MarkerArray(markers=markers))
+
+    node.create_timer(_SHAPES_EVERY, publish, clock=STEADY)
+
+
+def take_workspace(node: Node, frame: str) -> None:
+    """Have a node set the shapes of its limit `workspace`, in a frame, from the topic of that
+    name.
+    """
+
+    def on_markers(message: MarkerArray) -> None:
+        try:
+            parameters = _parameters(message, frame)
+        except ValueError as error:
+            node.get_logger().warning(f'workspace: {error}')
+            return
+        for result in node.set_parameters(parameters):
+            if not result.successful:
+                node.get_logger().warning(f'workspace: {result.reason}')
+
+    node.create_subscription(MarkerArray, 'workspace', on_markers, LATCHED)
+
+
+def _parameters(message: MarkerArray, frame: str) -> list[Parameter]:
+    """The parameters that stand for the markers. Raises ValueError for one that is no shape."""
+    shapes: dict[str, list[float]] = {f'{side}_{kind}': [] for side in _SIDES for kind in _SIZES}
+    for marker in message.markers:
+        if marker.action == Marker.ADD:
+            name, numbers = _shape(marker, frame)
+            shapes[name] += numbers
+    none = {name: [0.0] * _SIZES[name.split('_')[1]] for name in shapes}
+    return [
+        Parameter(f'workspace.{name}', value=numbers or none[name])
+        for name, numbers in shapes.items()
+    ]
+
+
+def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
+    """The kind of shape and its numbers. Raises ValueError."""
+    place = marker.pose.position
+    size = marker.scale
+    turn = marker.pose.orientation
+    if marker.ns not in _SIDES:
+        raise ValueError(f'got the namespace {marker.ns!r}; expected inside or outside')
+    if marker.header.frame_id not in ('', frame):
+        raise ValueError(f'got the frame {marker.header.frame_id!r}; expected {frame!r}')
+    centre = np.array((place.x, place.y, place.z))
+    if marker.type == Marker.SPHERE and size.x == size.y == size.z:
+        return f'{marker.ns}_spheres', [*centre.tolist(), size.x / 2.0]
+    is_upright = abs(turn.x) + abs(turn.y) + abs(turn.z) < 1e-6
+    if marker.type == Marker.CUBE and is_upright:
+        half = np.array((size.x, size.y, size.z)) / 2.0
+        return f'{marker.ns}_boxes', [*(centre - half).tolist(), *(centre + half).tolist()]
+    raise ValueError(
+        f'got marker {marker.id} of type {marker.type}; expected a CUBE along the axes of {frame}, '
+        'or a SPHERE of one diameter'
+    )
+
+
+def _to_marker(shape: DrawnShape) -> Marker:
+    kind = Marker.SPHERE if shape.kind == SPHERE else Marker.CUBE
+    color = _INSIDE if shape.keeps_in else _OUTSIDE
+    marker = _make_marker('', kind, 0.0, _SOLID if shape.is_solid else color)
+    marker.scale.x, marker.scale.y, marker.scale.z = shape.size.tolist()
+    marker.pose.position = _to_point(shape.centre)
+    turn = marker.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = shape.quaternion
+    return marker
+
+
+def _make_marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
+    """A marker without points, of a diameter or width [m]."""
     marker = Marker(ns=name, type=kind, action=Marker.ADD, color=color)
     marker.scale.x = size
     if kind != Marker.LINE_STRIP:
@@ -102,6 +196,5 @@ def make_marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
     return marker
 
 
-def to_point(x: np.ndarray) -> Point:
-    """The message of a position x, (3,) [m]."""
+def _to_point(x: Position) -> Point:
     return Point(x=float(x[0]), y=float(x[1]), z=float(x[2]))

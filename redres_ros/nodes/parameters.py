@@ -1,25 +1,23 @@
 """Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import yaml
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import ParameterException, ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import RATES
+from redres_ros.nodes.gone import instead_of
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
 
 if TYPE_CHECKING:
@@ -33,24 +31,38 @@ _ALIKE = 0.85  # similarity of two names; target_timeout must not count as state
 
 
 class ParameterError(RedresError):
-    """A parameter of the wrong type, or without a value."""
+    """A parameter of the wrong type, without a value, or that does not exist any more."""
+
+
+@dataclass(frozen=True)
+class LoopParameters:
+    """Parameters of every node in the loop."""
+
+    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', *RATES)
+
+
+@dataclass(frozen=True)
+class ListenerParameters(LoopParameters):
+    """Parameters of every node that listens to the robot."""
+
+    base_frame: str = param(
+        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
+    )
+    task_space: str = param(
+        'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
+    )
 
 
 def declare(node: Node, defaults: P, prefix: str = '') -> P:
-    """Declare every field of a dataclass as a parameter.
+    """Declare every field of a dataclass as a parameter; returns the same with the node's values.
 
     Args:
         node: Gets the parameters.
         defaults: A dataclass whose fields are made with `param`.
         prefix: What their names begin with, such as 'admittance.'.
 
-    Returns:
-        The same with the node's values.
-
     Raises:
-        ParameterError: A value has another type.
-        RangeError: A number is not allowed.
-        UnknownNameError: A word is not allowed.
+        RedresError: A value of another type, or one that is not allowed.
     """
     values = {}
     for field, parameter in parameters(defaults).items():
@@ -62,19 +74,11 @@ def declare(node: Node, defaults: P, prefix: str = '') -> P:
 
 
 def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> Any:
-    """The value of a parameter that is declared here, a tuple for an array.
+    """Declare one parameter of the default's type; returns its value.
 
-    A whole number is taken for one with a decimal point, a text with commas for an array of texts,
-    and an empty array of texts for the word none, here and whenever the parameter is set.
-
-    Args:
-        node: Owner of the parameter.
-        name: Name as users know it.
-        default: Also says of what type it is.
-        parameter: Description, range, choices, and whether it can be set live.
-
-    Raises:
-        ParameterError: A value of another type, none, or one out of range.
+    Whole numbers are taken for numbers with a decimal point, a text with commas for an array of
+    texts, and an empty array of texts for the word none, here and whenever the parameter is set.
+    Raises ParameterError for a value of another type, none, or one out of range.
     """
     initial = list(default) if isinstance(default, tuple) else default
     of_any_type = ParameterDescriptor(dynamic_typing=True)
@@ -99,10 +103,7 @@ def on_live_change(
 ) -> None:
     """Have changes of parameters checked, all refused for a RedresError, and applied once set.
 
-    Args:
-        node: Owner of the parameters.
-        check: Called with the changed values by name, tuples for arrays; raises if one is wrong.
-        apply: Called with the same, once they are set.
+    Both functions get the changed values by name, tuples for arrays.
     """
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
@@ -112,20 +113,39 @@ def on_live_change(
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    node.add_pre_set_parameters_callback(lambda changed: [_as_declared(node, p) for p in changed])
     node.add_on_set_parameters_callback(before)
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
 
 
 def with_changes(settings: P, changes: Mapping[str, Any]) -> P:
-    """A dataclass after changes of parameters; changes of other parameters are ignored.
-
-    Args:
-        settings: Before.
-        changes: Values by name.
-    """
+    """A dataclass after changes of parameters by name; those of other parameters are ignored."""
     names = {field.name for field in fields(settings)}
     return replace(settings, **{name: changes[name] for name in names & changes.keys()})
+
+
+class _GoneError(ParameterNotDeclaredException):
+    """The same with what to write instead; rclpy's services respond with its text."""
+
+    def __init__(self, text: str) -> None:
+        Exception.__init__(self, text)
+
+
+def check_given(node: Node) -> None:
+    """Refuse parameters of earlier versions: by ParameterError those that are set from outside, and
+    from now on those that are set live, where values are converted as by declare_one().
+    """
+    for name in sorted(node._parameter_overrides):
+        if instead := instead_of(name):
+            raise ParameterError(instead)
+
+    def convert(given: RosParameter) -> RosParameter:
+        if node.has_parameter(given.name):
+            return _as_type(given, node.get_parameter(given.name).type_)
+        if instead := instead_of(given.name):
+            raise _GoneError(instead)
+        return given
+
+    node.add_pre_set_parameters_callback(lambda changed: [convert(each) for each in changed])
 
 
 def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
@@ -143,47 +163,12 @@ def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
     return found
 
 
-def overruled(nodes: Sequence[Node], arguments: Sequence[str]) -> dict[str, str]:
-    """What -p sets on a command line and a file of parameters sets otherwise, and which one counts.
-
-    Below a key of /**, one that names the node, as /**/controller, counts more than -p.
-
-    Args:
-        nodes: All of the process.
-        arguments: Arguments of the command line.
-    """
-    asked = dict(_assignments(arguments))
-    counts = {}
-    for node in nodes:
-        for name in asked.keys() & node._parameter_overrides.keys():
-            value = node._parameter_overrides[name].value
-            if value is not None and value != asked[name]:  # ROS takes [] for no value
-                counts[name] = f'-p has {asked[name]!r}, but a file has {value!r}, which counts'
-    return counts
-
-
-def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Names and values that -p sets for all nodes of the process."""
-    for option, word in pairwise(arguments):
-        name, _, value = word.partition(':=')
-        if option in ('-p', '--param') and value and ':' not in name:
-            with suppress(yaml.YAMLError):
-                yield name, yaml.safe_load(value)
-
-
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:
     return {p.name: tuple(p.value) if _is_array(p) else p.value for p in changed}
 
 
 def _is_array(parameter: RosParameter) -> bool:
     return parameter.type_.name.endswith('_ARRAY')
-
-
-def _as_declared(node: Node, given: RosParameter) -> RosParameter:
-    """The value in the parameter's type, if the conversion is exact."""
-    if not node.has_parameter(given.name):
-        return given
-    return _as_type(given, node.get_parameter(given.name).type_)
 
 
 def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
@@ -199,25 +184,6 @@ def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
     if given.type_ is types.STRING and wanted is types.STRING_ARRAY:
         return RosParameter(given.name, types.STRING_ARRAY, [w.strip() for w in value.split(',')])
     return given
-
-
-@dataclass(frozen=True)
-class LoopParameters:
-    """Parameters of every node in the loop."""
-
-    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', *RATES)
-
-
-@dataclass(frozen=True)
-class ListenerParameters(LoopParameters):
-    """Parameters of every node that listens to the robot."""
-
-    base_frame: str = param(
-        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
-    )
-    state_timeout: float = param(
-        0.1, 'time without joint_states after which the node reports an error [s]', 0.01, 10.0
-    )
 
 
 def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
@@ -242,13 +208,12 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
 def _allowed(default: Any, parameter: Parameter) -> str:
     if parameter.choices:
         return ', '.join(parameter.choices)
-    whole = isinstance(default, tuple) and isinstance(default[0], int)
     kinds = {
         bool: 'true or false',
         int: 'a whole number',
         float: 'a number with a decimal point',
         str: 'a text',
-        tuple: 'an array of whole numbers' if whole else 'an array of numbers with decimal points',
+        tuple: 'an array of numbers with decimal points',
     }
     limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
     example = list(default) if isinstance(default, tuple) else default

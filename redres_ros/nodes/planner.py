@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
-from redres_ros.nodes.conversions import JointMapper, from_pose
+from redres_ros.nodes.conversions import JointMapper, from_pose, to_pose
 from redres_ros.nodes.diagnostics import (
     ERROR,
     OK,
@@ -28,14 +29,25 @@ from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.policy_parameters import END_OF_REACH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.task_topics import TaskTopics
-from redres_ros.nodes.topics import ACTIVE_LIMITS, LATCHED, MODE, NEWEST, PUBLISH, REASON, RECENT
+from redres_ros.nodes.telemetry import LatchedWords, Telemetry
+from redres_ros.nodes.topics import (
+    ACTIVE_LIMITS,
+    LATCHED,
+    MODE,
+    NEWEST,
+    PUBLISH,
+    REASON,
+    RECENT,
+    TASK_BEGUN,
+    TASK_STATE,
+)
 from redres_ros.nodes.wire import (
     JointSample,
     JointStateReader,
     JointStateWriter,
     TwistWriter,
     to_nanoseconds,
+    to_time,
 )
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
@@ -43,6 +55,11 @@ from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
+from redres_ros.robot_model import RobotModel
+from redres_ros.types import JointPositions, Rotation, TaskVelocity
+
+# Fraction of a cycle that is left to controller and robot before the planner computes.
+_HEADSTART = 0.15
 
 
 @dataclass(frozen=True)
@@ -51,22 +68,6 @@ class _PlannerParameters(ListenerParameters):
 
     task: str = param(
         '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
-    )
-    stuck_after: float = param(
-        5.0, 'time without progress after which a warning is logged [s]', 0.1, 3600.0
-    )
-    give_up_after: float = param(
-        30.0, 'time without progress after which the goal is given up [s]', 0.1, 36000.0
-    )
-    headstart: float = param(
-        0.15,
-        'fraction of a cycle that the planner leaves to controller and robot before it computes, '
-        'unless all are one process; none in lock-step',
-        0.0,
-        0.5,
-    )
-    greedy: bool = param(
-        False, 'ask for the full speed of the path in every cycle, also after limits have slowed it'
     )
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'
@@ -78,16 +79,15 @@ class PlannerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('planner')
-        self._robot = declare_robot(self)
+        self._robot = declare_robot(self, has_dynamics=False)
         settings = declare(self, _PlannerParameters())
         self._settings = settings
-        self._model = self._robot.model
+        self._model = RobotModel(self._robot.arm)
         name = settings.task
         self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
-        task_space = self._robot.task_space
         goals = declare(self, GoalSettings())
         self._autostart = goals.autostart
-        self._goals = Goals(self._model, self._task, goals, task_space)
+        self._goals = Goals(self._model, self._task, goals, settings.task_space)
         self._frame = settings.base_frame or self._model.base_frame
         self._states = JointStateReader()
         self._twists = TwistWriter(self._frame)
@@ -95,28 +95,37 @@ class PlannerNode(ManagedNode):
         self._joints = JointMapper(self._model.joint_names, self.get_logger().info)
         self._T = 1.0 / settings.rate
         self._run = TaskExecutor(
-            self._T,
-            TaskClock(self._T, settings.lockstep, settings.greedy),
-            ProgressMonitor(settings.stuck_after, settings.give_up_after),
-            task_space,
+            self._T, TaskClock(self._T, settings.lockstep), ProgressMonitor(), settings.task_space
         )
-        self._unachieved = UnachievedVelocity(self._model, task_space, self._T, END_OF_REACH)
-        self._asked: np.ndarray | None = None  # dx of the newest step
+        self._unachieved = UnachievedVelocity(
+            self._model, settings.task_space, self._T, END_OF_REACH
+        )
+        self._asked: TaskVelocity | None = None  # of the newest step
         self._stamp = 0  # of the newest state [ns]
-        self._q: np.ndarray | None = None  # at the newest state
+        self._q: JointPositions | None = None  # at the newest state
         self._stop_reason = ''
         self._mode = ''  # of the controller
         self._logged = ''  # on the log, of what happened to the goal
+        self._published_start = 0  # stamp at which a task began [ns]
         self._create_interfaces()
+        self._publish_state()
         self._start_life()
 
     def _create_interfaces(self) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._joint_publisher = self.create_publisher(JointState, 'joint_velocity', PUBLISH)
-        self._topics = TaskTopics(self, self._frame, self._run)
+        self._words = LatchedWords(self, TASK_STATE)
+        self._begun_publisher = self.create_publisher(Time, TASK_BEGUN, LATCHED)
+        types = {
+            'planner/desired_pose': PoseStamped,
+            'planner/task_error': Float64,
+            'planner/segment': Int32,
+            'planner/progress': Float64,
+        }
+        self._telemetry = Telemetry(self, types)
         self._markers = Markers(self, self._frame, self._task.waypoints)
-        self._refusals = InputMonitor(self)
-        self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
+        self._inputs = InputMonitor(self)
+        self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
@@ -138,9 +147,9 @@ class PlannerNode(ManagedNode):
             self._watchdog.feed()
             self._enter_state(sample)
         except RedresError as error:
-            self._refusals.refuse('joint_states', error)
+            self._inputs.refuse('joint_states', error)
             return
-        self._refusals.accept('joint_states')
+        self._inputs.accept('joint_states')
         self._report()
 
     def _enter_state(self, sample: JointSample) -> None:
@@ -159,16 +168,36 @@ class PlannerNode(ManagedNode):
         if step is not None:
             self._publish(step, q, R)
 
-    def _publish(self, step: Step, q: np.ndarray, R: np.ndarray) -> None:
+    def _publish(self, step: Step, q: JointPositions, R: Rotation) -> None:
         if step.dq is not None:
             self._joint_publisher.publish(self._joint_velocities.written(step.stamp, q, step.dq))
         if step.dx is not None:
             self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
-        self._topics.show(step, R)
+        if self._telemetry.subscribed:
+            self._publish_reference(step, R)
+
+    def _publish_reference(self, step: Step, R: Rotation) -> None:
+        """For displays; a task of positions leaves the orientation R as it is."""
+        publish = self._telemetry.publish
+        publish('progress', lambda: self._run.progress)
+        reference = step.reference
+        if reference is None:
+            return
+        R_d = R if reference.R_d is None else reference.R_d
+        publish('desired_pose', lambda: to_pose(step.stamp, self._frame, reference.x_d, R_d))
+        publish('task_error', lambda: float(np.linalg.norm(reference.error)))
+        publish('segment', lambda: reference.segment)
+
+    def _publish_state(self) -> None:
+        """Publish the state of the goal, and when its task began, if that has changed."""
+        if self._run.start_stamp != self._published_start:
+            self._published_start = self._run.start_stamp
+            self._begun_publisher.publish(to_time(self._published_start))
+        self._words.publish({TASK_STATE: self._run.state.value})
 
     def _report(self) -> None:
         """Publish the state of the goal, and log what keeps it from its end."""
-        self._topics.publish()
+        self._publish_state()
         remark = self._run.remark
         if remark and remark != self._logged:
             self.get_logger().warning(remark)
@@ -184,9 +213,9 @@ class PlannerNode(ManagedNode):
             self._goals.check_age(stamp, self._stamp, time.time_ns())
             goal = self._goals.target(x, R, q)
         except RedresError as error:
-            self._refusals.refuse('target_pose', error)
+            self._inputs.refuse('target_pose', error)
             return
-        self._refusals.accept('target_pose')
+        self._inputs.accept('target_pose')
         self._begin_goal(goal)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -195,36 +224,33 @@ class PlannerNode(ManagedNode):
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._respond('planner/home', response, self._go_home)
 
-    def _start_task(self, q: np.ndarray) -> str:
-        """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
+    def _start_task(self, q: JointPositions) -> str:
+        """Begin the task with the joints at q; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             return 'is running already; planner/stop ends it'
-        goal = self._task_goal()
+        goal = self._goals.task()
         self._begin_goal(goal)
         home = self._announced_home(q)
         if home:
             return f'{home}, then begins; the task takes {goal.duration:.3g} s'
         return f'begins as soon as the robot takes commands; takes {goal.duration:.3g} s'
 
-    def _task_goal(self) -> Goal:
-        return self._goals.task()
-
-    def _go_home(self, q: np.ndarray) -> str:
-        """Move the joints from q (n,) [rad] to the start of the task; returns what will happen."""
+    def _go_home(self, q: JointPositions) -> str:
+        """Move the joints from q to the start of the task; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             raise GoalError('a task is running; planner/stop ends it')
         self._begin_goal(self._goals.home())
         return self._announced_home(q) or 'the joints are at its start already'
 
-    def _announced_home(self, q: np.ndarray) -> str:
-        """Describes the motion from q (n,) [rad] to the start of the task; empty at the start."""
+    def _announced_home(self, q: JointPositions) -> str:
+        """Describes the motion from q to the start of the task; empty at the start."""
         path = self._goals.path_home(q)
         if path is None:
             return ''
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
     def _respond(
-        self, service: str, response: Trigger.Response, begin: Callable[[np.ndarray], str]
+        self, service: str, response: Trigger.Response, begin: Callable[[JointPositions], str]
     ) -> Trigger.Response:
         """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
@@ -232,15 +258,15 @@ class PlannerNode(ManagedNode):
             response.message = f'{task}: {begin(self._check_ready())}'
             response.success = True
         except RedresError as error:
-            self._refusals.refuse(service, error)
+            self._inputs.refuse(service, error)
             response.message = f'{task}: {error}'
             response.success = False
         else:
-            self._refusals.accept(service)
+            self._inputs.accept(service)
         return response
 
-    def _check_ready(self) -> np.ndarray:
-        """Where the joints are, (n,) [rad]; raises GoalError or LifeError if nothing may begin."""
+    def _check_ready(self) -> JointPositions:
+        """Where the joints are; raises GoalError or LifeError if nothing may begin."""
         if not self.active:
             raise LifeError(f'the planner is {self.life}; activate it first')
         if self._stop_reason:
@@ -254,7 +280,7 @@ class PlannerNode(ManagedNode):
 
     def _begin_goal(self, goal: Goal) -> None:
         self._run.begin(goal)
-        self._topics.publish()
+        self._publish_state()
 
     def _on_scaling(self, message: Float64) -> None:
         self._run.set_scaling(message.data)
@@ -277,7 +303,7 @@ class PlannerNode(ManagedNode):
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         moved = self._run.state in UNDER_WAY
         self._run.stop()
-        self._topics.publish()
+        self._publish_state()
         response.success = True
         response.message = 'nothing is running'
         if moved:
@@ -286,36 +312,36 @@ class PlannerNode(ManagedNode):
 
     def _begin(self) -> None:
         if self._autostart:
-            self._run.begin(self._task_goal())
-        self._topics.publish()
+            self._run.begin(self._goals.task())
+        self._publish_state()
 
     def _end(self) -> None:
         self._run.stop()
-        self._topics.publish()
+        self._publish_state()
 
     def _forget(self) -> None:
         self._q = None
         self._stamp = 0
 
     def _health(self) -> Health:
-        figures = {
+        values = {
             'task': self._settings.task or 'that of the arm',
             'state': self._run.state.value,
             'progress': self._run.progress,
             'begun at [ns]': self._run.start_stamp,
-            'messages refused': self._refusals.count,
+            'messages refused': self._inputs.count,
         }
         if self._watchdog.silent:
-            return Health(ERROR, 'no joint_states', figures)
+            return Health(ERROR, 'no joint_states', values)
         if not self.active:
-            return Health(WARN, self.life, figures)
+            return Health(WARN, self.life, values)
         if self._stop_reason:
-            return Health(WARN, f'the robot has stopped: {self._stop_reason}', figures)
-        if self._refusals.reasons:
-            return Health(WARN, self._refusals.reasons, figures)
+            return Health(WARN, f'the robot has stopped: {self._stop_reason}', values)
+        if self._inputs.reasons:
+            return Health(WARN, self._inputs.reasons, values)
         if self._run.remark:
-            return Health(WARN, self._run.remark, figures)
-        return Health(OK, self._run.state.value, figures)
+            return Health(WARN, self._run.remark, values)
+        return Health(OK, self._run.state.value, values)
 
 
 class WaitingPlannerNode(PlannerNode):
@@ -327,7 +353,7 @@ class WaitingPlannerNode(PlannerNode):
 
     def _on_state(self, message: JointState | bytes) -> None:
         if not self._settings.lockstep:
-            time.sleep(self._settings.headstart * self._T)
+            time.sleep(_HEADSTART * self._T)
         super()._on_state(message)
 
 

@@ -17,6 +17,7 @@ from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import TASKS
+from redres_ros.types import Seconds
 
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
 END_OF_REACH = 0.02  # of the largest singular value of the task
@@ -30,12 +31,7 @@ class _NoneError(RedresError):
 
 @dataclass(frozen=True)
 class _PolicySettings:
-    """Which law, limits, preferences and tasks are in use.
-
-    Raises:
-        _NoneError: The word for none stands beside names.
-        RepeatedNameError: A name stands twice.
-    """
+    """Which law, limits, preferences and tasks are in use."""
 
     law: str = param('minimum_acceleration', 'redundancy resolution law', choices=LAWS, live=True)
     limits: tuple[str, ...] = param(
@@ -70,13 +66,13 @@ class PolicyParameters:
     """The parameters of what a controller does in each tick, all of which can be set live.
 
     Args:
-        node: Owner of the parameters.
-        model: The arm, from which limits have their figures.
+        node: Gets the parameters.
+        model: The arm.
         task: The first task.
-        T: Sampling time [s], which bounds the damping.
+        T: Sampling time, which bounds the damping.
     """
 
-    def __init__(self, node: Node, model: RobotModel, task: str, T: float) -> None:
+    def __init__(self, node: Node, model: RobotModel, task: str, T: Seconds) -> None:
         self._model = model
         self._task = task
         self._T = T
@@ -88,11 +84,9 @@ class PolicyParameters:
         self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
 
     def check(self, changes: Mapping[str, Any]) -> None:
-        """Make the policy after changes of parameters, for adopt(); others are passed over.
+        """Make the policy after changes of parameters, for adopt(); those of others are ignored.
 
-        Raises:
-            RedresError: A value that is not allowed, limits that the arm has no figures for, or a
-                frame or joint that it does not have.
+        Raises RedresError for a value that is not allowed, or that does not suit the arm.
         """
         self._next = (self._settings, self._gains, self.policy)
         settings = with_changes(self._settings, changes)
@@ -146,11 +140,10 @@ def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any
     return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
 
 
-def _all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
+def _all_gains(T: Seconds) -> Iterator[tuple[str, Any, Parameter]]:
     """Key, default and declaration of every gain in the tables; a damping is at most 1/T [1/s].
 
-    Targets that are left open, as those of tasks, have no value that ROS could hold, and are not
-    among them.
+    Targets that are open by default are not among them: ROS has no value for that.
     """
     seen = set()
     for gain in chain.from_iterable(table.gains() for table in (LAWS, LIMITS, PREFERENCES, TASKS)):

@@ -1,8 +1,10 @@
-"""How a node of this package runs and ends: executor, signals, errors in one line."""
+"""How a node of this package runs and ends: domain, executor, signals, errors in one line."""
 
 import gc
 import os
+import random
 import signal
+import socket
 import sys
 import threading
 import time
@@ -20,12 +22,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from redres_ros.errors import RedresError, reason_of
+from redres_ros.errors import RangeError, RedresError, reason_of
 from redres_ros.files.processes import end_with_parent, open_error_output
 from redres_ros.files.signals import handle
-from redres_ros.nodes import discovery
-from redres_ros.nodes.parameters import misspelt, overruled
-from redres_ros.nodes.real_time import ask_kernel
+from redres_ros.nodes.parameters import misspelt
+from redres_ros.types import Seconds
 
 N = TypeVar('N', bound=Node)
 
@@ -35,6 +36,16 @@ _RCLError = rclpy_implementation.RCLError
 PARENT = 'REDRES_PARENT'
 
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
+_HIGHEST_DOMAIN = 232  # the last one whose ports exist
+_FREE_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
+
+# Otherwise decide which nodes find each other.
+_DISCOVERY = (
+    'ROS_STATIC_PEERS',
+    'ROS_LOCALHOST_ONLY',
+    'ROS_DISCOVERY_SERVER',
+    'FASTDDS_DEFAULT_PROFILES_FILE',
+)
 
 
 class _StartError(RedresError):
@@ -48,10 +59,6 @@ class Spinner:
     7.1.6 (their endless wait overflows there and becomes a busy loop); spin_until_future_complete
     with a timeout and one Future that never completes does the same work. It loses 32 bytes at each
     call, so what is called in every cycle is spin_once with a timeout.
-
-    Args:
-        nodes: Their callbacks run.
-        stopped: The event that ends it.
     """
 
     def __init__(self, nodes: Iterable[Node], stopped: threading.Event) -> None:
@@ -80,23 +87,15 @@ class Spinner:
             self._stopped.set()
             thread.join()
 
-    def sleep(self, seconds: float) -> None:
+    def sleep(self, seconds: Seconds) -> None:
         """Run callbacks for that long; for a loop in the thread of the executor."""
         until = time.monotonic() + seconds
         self._executor.spin_once(timeout_sec=max(seconds, 0.0))
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
-    def wait(self, event: threading.Event, seconds: float) -> bool:
-        """Run callbacks until the event is set.
-
-        Args:
-            event: What is waited for, until a callback sets it.
-            seconds: How long at most.
-
-        Returns:
-            Whether it is set.
-        """
+    def wait(self, event: threading.Event, seconds: Seconds) -> bool:
+        """Run callbacks until one sets the event, or for that long; whether it is set."""
         until = time.monotonic() + seconds
         while not event.is_set() and (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)  # returns after a callback
@@ -107,12 +106,57 @@ class Spinner:
         self._executor.shutdown()
 
 
+@contextmanager
+def joined_domain(domain: int | None) -> Iterator[None]:
+    """Set a ROS domain; None: as the user has it. Raises RangeError."""
+    if domain is not None and not 0 <= domain <= _HIGHEST_DOMAIN:
+        raise RangeError('ROS domain', domain, 0, _HIGHEST_DOMAIN)
+    before = dict(os.environ)
+    if domain is not None:
+        os.environ['ROS_DOMAIN_ID'] = str(domain)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+@contextmanager
+def own_domain(domain: int | None = None) -> Iterator[int]:
+    """Set a ROS domain on this host alone; None: one that no other graph here uses.
+
+    Yields its number; raises RedresError if there is none.
+    """
+    if domain is None:
+        domain = _find_free_domain()
+    with joined_domain(domain):
+        for name in _DISCOVERY:
+            os.environ.pop(name, None)
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SUBNET'  # of the profile's network
+        os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('loopback.xml'))
+        yield domain
+
+
+def _find_free_domain() -> int:
+    """A domain on whose discovery port (RTPS: 7400 + 250 domain) no participant listens."""
+    for domain in random.SystemRandom().sample(_FREE_DOMAINS, len(_FREE_DOMAINS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7400 + 250 * domain))
+            except OSError:
+                continue
+            return domain
+    raise _StartError(f'every ROS domain from 1 to {_FREE_DOMAINS[-1]} is in use on this machine')
+
+
 def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling and discovery. Raises _StartError."""
-    discovery.prepare()
+    """rclpy.init with our own signal handling. Raises RedresError."""
+    # Opening Fast DDS's shared memory for a process that has just come can hold up all who publish
+    # for a third of a second (issue 6535 of Fast DDS).
+    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
     domain = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain and not (domain.isdecimal() and int(domain) <= discovery.HIGHEST_DOMAIN):
-        raise _StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {discovery.HIGHEST_DOMAIN}')
+    if domain and not (domain.isdecimal() and int(domain) <= _HIGHEST_DOMAIN):
+        raise _StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {_HIGHEST_DOMAIN}')
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
@@ -153,11 +197,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
 
     One of them may have `run(stopped, spinner)`, a loop of its own that ends when the event is set;
     callbacks run whenever it waits by the spinner. A node may have `close()`, called while it can
-    still publish.
-
-    Args:
-        makes: Make one node each.
-        arguments: The command line; None for that of the process.
+    still publish. The command line is that of the process, if none is given.
 
     Returns:
         The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
@@ -171,7 +211,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
-        _log_start(nodes, sys.argv if arguments is None else arguments)
+        log_misspelt(nodes)
         _spin(nodes, stopped)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
@@ -185,17 +225,11 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     return 0
 
 
-def _log_start(nodes: list[Node], arguments: list[str]) -> None:
-    """Log what the start waited for, and which parameters have no effect, each in one line."""
-    logger = nodes[0].get_logger()
+def log_misspelt(nodes: list[Node]) -> None:
+    """Log in one line which parameters have no effect."""
     meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
     if meant:
-        logger.warning(f'no parameter {", ".join(meant)}; it changes nothing')
-    lost = [f'{name}: {how}' for name, how in overruled(nodes, arguments).items()]
-    if lost:
-        logger.warning(
-            f'{"; ".join(lost)}: use the key /** in that file, and put -p after --params-file'
-        )
+        nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
 
 
 def _watch_parent(stopped: threading.Event) -> None:
@@ -209,8 +243,6 @@ def _watch_parent(stopped: threading.Event) -> None:
 
 def _spin(nodes: list[Node], stopped: threading.Event) -> None:
     spinner = Spinner(nodes, stopped)
-    for node in nodes:
-        ask_kernel(node)
     gc.collect()
     # what is there by now stays; the collector need not look through it in the middle of a cycle
     gc.freeze()

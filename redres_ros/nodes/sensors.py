@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
@@ -23,23 +23,12 @@ from redres_ros.nodes.diagnostics import InputMonitor
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.topics import NEWEST
 from redres_ros.nodes.wire import deserialised, to_nanoseconds
-from redres_ros.parameter import param
 from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel
+from redres_ros.types import Seconds
 
 _PREFIX = 'admittance.'
 _TORQUES = Compliance.measurement
-
-
-@dataclass(frozen=True)
-class _SensorParameters:
-    """Where the torques from outside come from."""
-
-    external_torques_from: str = param(
-        'topic',
-        "topic: external_torques; effort: that of joint_states, less the model's",
-        choices=('topic', 'effort'),
-    )
 
 
 class Sensors:
@@ -51,15 +40,14 @@ class Sensors:
         node: The controller's.
         model: Model of its arm.
         rows: Rows of its task velocity.
-        T: Sampling time [s].
-        switch_time: Duration of a fade [s].
+        T: Sampling time.
+        switch_time: Duration of a fade.
     """
 
     def __init__(
-        self, node: Node, model: RobotModel, rows: int, T: float, switch_time: float
+        self, node: Node, model: RobotModel, rows: int, T: Seconds, switch_time: Seconds
     ) -> None:
         settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
-        self.from_effort = declare(node, _SensorParameters()).external_torques_from == 'effort'
         self._node = node
         self._model = model
         settings.check(rows, T)
@@ -67,30 +55,22 @@ class Sensors:
         self.check({})
         self._joints = JointMapper(model.joint_names)
         self._subscribed: set[str] = set()
+        # Whether external torques are efforts less the model's: until others publish them.
+        self.from_effort = False
 
     def listen(self, loop: CommandLoop, inputs: InputMonitor) -> None:
-        """Offer the service, and subscribe to what is needed.
-
-        Args:
-            loop: Gets what is measured.
-            inputs: Gets what is refused.
-        """
+        """Offer the service, and enter into the loop what is measured."""
         self._loop = loop
         self._inputs = inputs
         self._node.create_service(Trigger, 'controller/tare', self._on_tare)
 
     @property
-    def figures(self) -> dict[str, object]:
-        """Figures for /diagnostics."""
+    def values(self) -> dict[str, object]:
+        """Values for /diagnostics."""
         if not self.contact.is_on:
             return {}
         force = ', '.join(f'{value:.3g}' for value in self.contact.force)
         return {'force on the tip [N]': force}
-
-    @property
-    def problem(self) -> str:
-        """Why an arm that should yield does not; '' if it does."""
-        return self._loop.measurements.problem
 
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
@@ -100,11 +80,9 @@ class Sensors:
             self._model.position(np.zeros(self._model.n), settings.frame)
 
     def apply(self, changes: dict[str, Any], measurements: Iterable[str]) -> None:
-        """Take over changes of parameters.
+        """Take over changes of parameters by name; preferences and limits use these measurements.
 
-        Args:
-            changes: Changes by name; those of other parameters are ignored.
-            measurements: Names of those that preferences and limits use.
+        Changes of other parameters are ignored.
         """
         if 'switch_time' in changes:
             self.contact.admittance.switch_time = changes['switch_time']
@@ -116,7 +94,8 @@ class Sensors:
         for name in measurements:
             if name != _TORQUES:
                 self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
-            elif not self.from_effort:
+            elif name not in self._subscribed:
+                self.from_effort = True
                 self._subscribe(name, JointState, self._on_torques)
 
     def enter_effort(self, message: Any) -> None:
@@ -141,11 +120,11 @@ class Sensors:
         wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
         with self._judged('wrench'):
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.measurements.enter_wrench(
-                stamp, wrench, message.header.frame_id, time.time_ns()
-            )
+            frame = message.header.frame_id
+            self._loop.measurements.enter_wrench(stamp, wrench, frame, time.time_ns())
 
     def _on_torques(self, message: JointState) -> None:
+        self.from_effort = False
         with self._judged(_TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
             stamp = to_nanoseconds(message.header.stamp)

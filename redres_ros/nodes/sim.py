@@ -22,10 +22,9 @@ from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.shapes import touched
-from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.obstacles import show_obstacles
+from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.parameters import (
     LoopParameters,
     ParameterError,
@@ -36,7 +35,7 @@ from redres_ros.nodes.parameters import (
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.nodes.telemetry import LatchedWords, Telemetry
-from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION
+from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION, STEADY
 from redres_ros.nodes.wire import (
     EncodingError,
     JointStateReader,
@@ -138,7 +137,7 @@ class SimNode(ManagedNode):
 
     def _create_interfaces(self, description: str, base_frame: str) -> None:
         types = {'wrench': WrenchStamped, 'external_torques': JointState}
-        self._telemetry = Telemetry(self, {}, types)
+        self._telemetry = Telemetry(self, types)
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
         # The reason comes first: a subscriber that receives the end of a session knows why.
         self._words = LatchedWords(self, REASON, SESSION, QUALITY)
@@ -148,7 +147,7 @@ class SimNode(ManagedNode):
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         show_obstacles(self, base_frame, touched, 'contact')
-        create_steady_timer(self, 0.1, self._count_commanders)
+        self.create_timer(0.1, self._count_commanders, clock=STEADY)
         on_live_change(self, self._check_faults, self._set_faults)
 
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:

@@ -6,8 +6,7 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.topics import LATCHED, PUBLISH
+from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2
@@ -18,29 +17,25 @@ class Telemetry:
 
     Args:
         node: Publishes.
-        types: Types by the names of topics below the node's own name.
-        shared: The same for topics beside it.
+        types: Types by topic.
 
     Attributes:
-        subscribed: Names of the topics that have a subscriber.
+        subscribed: The last parts of the names of topics that have a subscriber.
     """
 
-    def __init__(
-        self, node: Node, types: dict[str, type], shared: Mapping[str, type] | None = None
-    ) -> None:
-        below = {f'{node.get_name()}/{name}': kind for name, kind in types.items()}
+    def __init__(self, node: Node, types: Mapping[str, type]) -> None:
         self._publishers = {
             topic.rpartition('/')[2]: node.create_publisher(kind, topic, PUBLISH)
-            for topic, kind in {**below, **(shared or {})}.items()
+            for topic, kind in types.items()
         }
         self._look()  # a recording listens from the first message on
-        create_steady_timer(node, LOOK_PERIOD, self._look)
+        node.create_timer(LOOK_PERIOD, self._look, clock=STEADY)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
         """Publish if the topic has a subscriber.
 
         Args:
-            name: Name of the topic.
+            name: Last part of the topic's name.
             make: Returns a message, a number or a text, or None for nothing; called only if the
                 topic has a subscriber.
         """
@@ -64,12 +59,7 @@ def _to_message(value: Any) -> Any:
 
 
 class LatchedWords:
-    """Publishes words on latched topics, each when it changes.
-
-    Args:
-        node: Publishes.
-        *topics: In the order in which they are published.
-    """
+    """Publishes words on latched topics, each when it changes, in the order of the topics."""
 
     def __init__(self, node: Node, *topics: str) -> None:
         self._publishers = {

@@ -1,5 +1,6 @@
-"""Names of topics that several modules use, and which of four qualities of service a topic has."""
+"""Names of topics, the four qualities of service that a topic may have, and the clock of timers."""
 
+from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 # Publishers in the loop are reliable, so that any subscriber can match them. Our own subscriptions
@@ -12,6 +13,10 @@ RECENT = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
+
+# For all timers. With `use_sim_time` a node's own clock stands still until /clock is published:
+# diagnostics and watchdogs would be silent when they are needed.
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 # Latched words of robot, controller and planner.
 REASON = 'sim/stop_reason'

@@ -18,6 +18,14 @@ from sensor_msgs.msg import JointState
 
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.types import (
+    JointPositions,
+    JointTorques,
+    JointVelocities,
+    Nanoseconds,
+    TaskVelocity,
+    Twist,
+)
 
 _LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
@@ -34,28 +42,28 @@ class EncodingError(RedresError):
 
 
 class JointSample(NamedTuple):
-    """Content of a JointState: its stamp [ns], the names, and a position for each [rad]."""
+    """Content of a JointState: the names, and a position for each."""
 
-    stamp: int
+    stamp: Nanoseconds
     name: Sequence[str]
     position: Sequence[float] | np.ndarray
 
 
 class _TwistSample(NamedTuple):
-    """Content of a TwistStamped: its stamp [ns], its frame, linear and angular part (6,)."""
+    """Content of a TwistStamped."""
 
-    stamp: int
+    stamp: Nanoseconds
     frame: str
-    dx: np.ndarray
+    dx: Twist
 
 
 class _Layout(NamedTuple):
     """All between the stamp and the positions; it is the same in every message of one device."""
 
-    said: bytes
+    content: bytes
     name: tuple[str, ...]
-    place: int  # of the positions
-    end: int  # behind them
+    begin: int  # of the positions
+    end: int
 
 
 class JointStateReader:
@@ -71,10 +79,10 @@ class JointStateReader:
     def read(self, message: Any) -> JointSample:
         """What the loop needs of a message. Raises EncodingError for bytes that are none."""
         if not isinstance(message, bytes):
-            return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
+            return _to_sample(message)
         for layout in self._layouts:
-            if message.startswith(layout.said, _STAMP_END):
-                own = message[layout.place : layout.end]  # in the message they are not aligned
+            if message.startswith(layout.content, _STAMP_END):
+                own = message[layout.begin : layout.end]  # in the message they are not aligned
                 if layout.end > len(message):
                     raise EncodingError(f'a JointState of {len(message)} bytes; expected more')
                 return JointSample(stamp_of(message), layout.name, np.frombuffer(own))
@@ -86,12 +94,16 @@ class JointStateReader:
         is_as_expected = (
             data.startswith(_LITTLE_ENDIAN)
             and len(message.position) == len(message.name) > 0
-            and data.startswith(message.position.tobytes(), layout.place)
+            and data.startswith(message.position.tobytes(), layout.begin)
         )
         if is_as_expected:
             self._layouts.insert(0, layout)
             del self._layouts[_REMEMBERED:]
-        return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
+        return _to_sample(message)
+
+
+def _to_sample(message: JointState) -> JointSample:
+    return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
 
 
 def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
@@ -102,13 +114,13 @@ def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
     end = _STAMP_END
     for size in sizes:
         end += _gap(end, _LENGTH.size) + _LENGTH.size + size
-    place = end + _gap(end, _NUMBER)
+    begin = end + _gap(end, _NUMBER)
     names = tuple(message.name)
-    return _Layout(bytes(data[_STAMP_END:end]), names, place, place + len(names) * _NUMBER)
+    return _Layout(bytes(data[_STAMP_END:end]), names, begin, begin + len(names) * _NUMBER)
 
 
-def stamp_of(data: bytes) -> int:
-    """Stamp [ns] of a serialised message that has a header. Raises EncodingError."""
+def stamp_of(data: bytes) -> Nanoseconds:
+    """Stamp of a serialised message that has a header. Raises EncodingError."""
     return _joined(*_STAMP.unpack_from(data))
 
 
@@ -133,54 +145,45 @@ def read_twist(message: Any) -> _TwistSample:
     return _TwistSample(stamp, frame, dx)
 
 
-def _joined(seconds: int, nanoseconds: int) -> int:
-    """A stamp [ns]. Raises EncodingError if the nanoseconds make a second or more."""
+def _joined(seconds: int, nanoseconds: int) -> Nanoseconds:
     if nanoseconds >= NANOSECONDS:
         raise EncodingError(f'a stamp with {nanoseconds} ns in nanosec; allowed: below 1e9')
     return seconds * NANOSECONDS + nanoseconds
 
 
 class JointStateWriter:
-    """One serialised JointState that is filled again for every message.
-
-    Args:
-        names: Names of the joints, n of them.
-        with_effort: Whether it has efforts, too.
-    """
+    """One serialised JointState of the named joints that is filled again for every message."""
 
     def __init__(self, names: Sequence[str], *, with_effort: bool = False) -> None:
         n = len(names)
         zeros = [0.0] * n
         efforts = zeros if with_effort else []
         message = JointState(name=list(names), position=zeros, velocity=zeros, effort=efforts)
-        self._data = _serialised(message)
+        self._data = bytearray(serialize_message(message))
         self._values = struct.Struct(f'<{n}d')
-        self._place = _layout(message, self._data).place  # of the positions
-        self._dq_place = self._after(self._place)
-        self._effort_place = self._after(self._dq_place)
+        self._q_begin = _layout(message, self._data).begin
+        self._dq_begin = self._after(self._q_begin)
+        self._effort_begin = self._after(self._dq_begin)
 
     def written(
-        self, stamp: int, q: np.ndarray, dq: np.ndarray, effort: np.ndarray | None = None
+        self,
+        stamp: Nanoseconds,
+        q: JointPositions,
+        dq: JointVelocities,
+        effort: JointTorques | None = None,
     ) -> bytes:
-        """The message with these values.
-
-        Args:
-            stamp: [ns].
-            q: Positions, (n,) [rad].
-            dq: Velocities, (n,) [rad/s].
-            effort: (n,) [Nm]; None for a message without.
-        """
+        """The message with these values."""
         data = self._data
         _TIME.pack_into(data, _HEADER, *divmod(stamp, NANOSECONDS))
-        self._values.pack_into(data, self._place, *q.tolist())
-        self._values.pack_into(data, self._dq_place, *dq.tolist())
+        self._values.pack_into(data, self._q_begin, *q.tolist())
+        self._values.pack_into(data, self._dq_begin, *dq.tolist())
         if effort is not None:
-            self._values.pack_into(data, self._effort_place, *effort.tolist())
+            self._values.pack_into(data, self._effort_begin, *effort.tolist())
         return bytes(data)
 
-    def _after(self, place: int) -> int:
+    def _after(self, begin: int) -> int:
         """Where the next array begins."""
-        end = place + self._values.size + _LENGTH.size
+        end = begin + self._values.size + _LENGTH.size
         return end + _gap(end, _NUMBER)
 
 
@@ -190,24 +193,15 @@ class TwistWriter:
     def __init__(self, frame: str) -> None:
         message = TwistStamped()
         message.header.frame_id = frame
-        self._data = _serialised(message)
+        self._data = bytearray(serialize_message(message))
         self._dx = np.frombuffer(self._data, np.float64, 6, len(self._data) - 6 * _NUMBER)
 
-    def written(self, stamp: int, dx: np.ndarray) -> bytes:
-        """The message with these values.
-
-        Args:
-            stamp: [ns].
-            dx: (3,) [m/s], or (6,) with the angular part [rad/s] below.
-        """
+    def written(self, stamp: Nanoseconds, dx: TaskVelocity) -> bytes:
+        """The message with these values."""
         _TIME.pack_into(self._data, _HEADER, *divmod(stamp, NANOSECONDS))
         self._dx[: len(dx)] = dx
         self._dx[len(dx) :] = 0.0
         return bytes(self._data)
-
-
-def _serialised(message: Any) -> bytearray:
-    return bytearray(serialize_message(message))
 
 
 def _gap(place: int, size: int) -> int:
@@ -216,26 +210,18 @@ def _gap(place: int, size: int) -> int:
 
 
 def deserialised(data: bytes, kind: Any) -> Any:
-    """A message from its bytes.
-
-    Args:
-        data: Bytes as they came over the wire.
-        kind: The type of the message.
-
-    Raises:
-        EncodingError: They are no such message.
-    """
+    """A message of that type from its bytes. Raises EncodingError if they are none."""
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)
         raise EncodingError(f'{len(data)} bytes that are not a {kind.__name__}: {error}') from None
 
 
-def to_time(stamp: int) -> Time:
-    """Nanoseconds to a stamp."""
+def to_time(stamp: Nanoseconds) -> Time:
+    """A stamp as a message."""
     return Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
 
 
-def to_nanoseconds(stamp: Time) -> int:
-    """A stamp to nanoseconds. Raises EncodingError."""
+def to_nanoseconds(stamp: Time) -> Nanoseconds:
+    """A stamp from a message. Raises EncodingError."""
     return _joined(stamp.sec, stamp.nanosec)

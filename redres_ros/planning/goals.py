@@ -68,6 +68,12 @@ class Goal:
     patience: float | None = 2.0
 
 
+_TARGET_ACCELERATION = 1.0  # [m/s^2] towards a target_pose that replaces another
+_TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
+_HOME_SPEED = 0.25  # fraction of the arm's limits on the way to the start of the task
+_HOME_TOLERANCE = 0.02  # [rad] of a joint from there within which the task begins at once
+
+
 @dataclass(frozen=True)
 class GoalSettings:
     """How goals are made, and for how long they wait."""
@@ -83,25 +89,12 @@ class GoalSettings:
         0.0,
         1e6,
     )
-    feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
-    target_speed: float = param(0.2, 'largest speed towards a target_pose [m/s]', 1e-3, 10.0)
-    target_acceleration: float = param(
-        1.0, 'largest acceleration towards a target_pose that replaces another [m/s^2]', 1e-3, 100.0
-    )
-    target_timeout: float = param(
-        1.0,
-        "largest age of a target_pose by the robot's clock, or by this computer's [s]",
-        0.001,
-        1e6,
-    )
-    home_speed: float = param(
-        0.25, "fraction of the arm's limits for the motion to the start of the task", 0.01, 1.0
-    )
-    home_tolerance: float = param(
-        0.02,
-        'distance of a joint from the start of the task within which the task begins at once [rad]',
-        0.001,
-        1.0,
+    target_speed: float = param(
+        0.2,
+        'largest speed towards a target_pose, and the largest that feedback may add to a task '
+        '[m/s]',
+        1e-3,
+        10.0,
     )
 
     def __post_init__(self) -> None:
@@ -135,7 +128,7 @@ class Goals:
         settings = self._settings
         return Goal(
             self.path_home,
-            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.feedback_limit),
+            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.target_speed),
             self._task.segments * self._task.segment_time,
             goes_on=True,
             patience=None if settings.autostart else settings.resume_within,
@@ -147,9 +140,8 @@ class Goals:
 
     def path_home(self, q: np.ndarray) -> JointPath | None:
         """The path of the joints from q (n,) [rad] to the start of the task; None at the start."""
-        settings = self._settings
         start = self._task.start
-        return path_to(self._model, q, start, settings.home_speed, settings.home_tolerance)
+        return path_to(self._model, q, start, _HOME_SPEED, _HOME_TOLERANCE)
 
     def target(self, x_end: np.ndarray, R_end: np.ndarray, q: np.ndarray) -> Goal:
         """The tip in a straight line to a pose.
@@ -169,7 +161,7 @@ class Goals:
             path = straight_segment(
                 self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns
             )
-            return Planner(path, x, R, feedback_limit=settings.feedback_limit)
+            return Planner(path, x, R, feedback_limit=settings.target_speed)
 
         def make_follower(x: np.ndarray, R: np.ndarray, dx: np.ndarray, t: float) -> TargetFollower:
             follower = TargetFollower(
@@ -179,8 +171,8 @@ class Goals:
                 dx,
                 t,
                 speed=settings.target_speed,
-                acceleration=settings.target_acceleration,
-                feedback_limit=settings.feedback_limit,
+                acceleration=_TARGET_ACCELERATION,
+                feedback_limit=settings.target_speed,
             )
             follower.set_target(target.x, target.R)
             return follower
@@ -198,15 +190,15 @@ class Goals:
             time_of_day: Time by this computer's clock [ns].
 
         Raises:
-            GoalError: The stamp is further than target_timeout from now, by either clock.
+            GoalError: The stamp is further than a second from now, by either clock.
         """
         age = (now - stamp) / NANOSECONDS
-        timeout = self._settings.target_timeout
+        timeout = _TARGET_TIMEOUT
         if stamp and abs(age) > timeout and not is_of_this_moment(stamp, time_of_day, timeout):
             side = 'behind' if age > 0.0 else 'ahead of'
             raise GoalError(
                 f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "
-                '(parameter target_timeout; a zero stamp means now)'
+                '(a zero stamp means now)'
             )
 
 

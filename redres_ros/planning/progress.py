@@ -25,7 +25,7 @@ class ProgressMonitor:
         give_up_after: The same, after which it is given up [s].
     """
 
-    def __init__(self, stuck_after: float, give_up_after: float) -> None:
+    def __init__(self, stuck_after: float = 5.0, give_up_after: float = 30.0) -> None:
         self.stuck_after = stuck_after
         self.give_up_after = give_up_after
         self.begin()
