@@ -142,7 +142,7 @@ class TestWithin:
         response = planner._on_start(Trigger.Request(), Trigger.Response())
         assert 'no joint_states' in response.message  # it would begin with a robot
 
-    def test_an_inactive_sim_neither_sends_nor_receives_and_monitors_anew_when_activated(
+    def test_an_inactive_sim_neither_sends_nor_receives(
         self, start_inactive: None
     ) -> None:
         sim = SimNode()
@@ -155,7 +155,7 @@ class TestWithin:
             assert bool(sent) is active
             if not active:
                 sim.trigger_activate()
-        assert sim._reset_wanted
+        assert not sim._session.commanding
 
 
 def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> None:

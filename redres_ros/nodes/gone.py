@@ -8,7 +8,7 @@ _GONE = {
         'base_offset tool_offset effort_limit elbow_frame'
     ),
     'robot_interface (fri, fci, ros2_control, sim) decides it': (
-        'bridging restart_after twist_patience following_tolerance jerk.lost'
+        'bridging restart_after twist_patience following_tolerance'
     ),
     'set robot_interface to ros2_control': 'forward_commands',
     'rate decides it': 'state_timeout',
