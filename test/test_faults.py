@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
-from redres_ros.fake_robot.faults import Faults, FaultyPlant
-from redres_ros.fake_robot.network_model import Link, NetworkModel
+from redres_ros.fake_robot.faults import Faults, FaultyPlant, Link, NetworkModel
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import Refusal, SessionSettings

@@ -13,7 +13,7 @@ from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task
 from redres_ros.fake_robot.plant import IdealPlant
-from redres_ros.fake_robot.profile import Reflex, State
+from redres_ros.fake_robot.profile import Reflex
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
 from redres_ros.robots import find_arm
@@ -64,15 +64,15 @@ class Client:
         return velocity
 
     @property
-    def passed(self) -> list[State]:
+    def passed(self) -> list[str]:
         """The states gone through, each once in a row."""
-        return [s for k, s in enumerate(self.states) if k == 0 or s is not self.states[k - 1]]
+        return [s for k, s in enumerate(self.states) if k == 0 or s != self.states[k - 1]]
 
 
 def commanding(q: np.ndarray = START) -> Client:
     client = Client(q)
     client.hold(60)
-    assert client.session.state is State.MOVE
+    assert client.session.state == 'MOVE'
     return client
 
 
@@ -144,7 +144,7 @@ def test_every_reflex_is_provoked():
 def test_a_violation_is_a_reflex_that_is_named_as_libfranka_names_it(provoke, name):
     client = provoke()
     assert client.session.reason.startswith(f'{name}: ')
-    assert client.session.state is State.REFLEX
+    assert client.session.state == 'REFLEX'
 
 
 @EACH
@@ -154,16 +154,16 @@ def test_after_automatic_error_recovery_the_arm_moves_again(provoke, name):
     while not robot.at_rest:
         client.advance()
     client.hold(100)
-    assert client.session.state is State.REFLEX  # until somebody asks for it
+    assert client.session.state == 'REFLEX'  # until somebody asks for it
     client.session.reset()
     client.states.append(client.session.state)
     client.q = robot.plant.q
     client.hold(200)
     assert client.passed[-4:] == [
-        State.REFLEX,
-        State.AUTOMATIC_ERROR_RECOVERY,
-        State.IDLE,
-        State.MOVE,
+        'REFLEX',
+        'AUTOMATIC_ERROR_RECOVERY',
+        'IDLE',
+        'MOVE',
     ]
     assert client.session.reason == ''
 
@@ -173,7 +173,7 @@ def test_a_motion_within_all_limits_is_no_reason_to_stop():
     velocity = client.accelerate(4.9, 500)  # 4900 rad/s^3 at its beginning and its end
     client.accelerate(0.0, 100, velocity)
     assert velocity == pytest.approx(2.45)
-    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+    assert (client.session.state, client.session.reason) == ('MOVE', '')
 
 
 def test_nineteen_packets_in_a_row_are_bridged():
@@ -181,7 +181,7 @@ def test_nineteen_packets_in_a_row_are_bridged():
     for _ in range(19):
         client.advance()
     client.hold(1)
-    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+    assert (client.session.state, client.session.reason) == ('MOVE', '')
 
 
 @pytest.mark.parametrize(('speed', 'goes_on'), [(0.0016, True), (0.0018, False)])
@@ -192,7 +192,7 @@ def test_a_command_that_comes_too_late_ends_all_but_a_very_slow_motion(speed, go
     client.command(client.q)  # the driver repeats its position, and two steps follow
     client.command(client.q + 2.0 * speed * T * FIRST)
     client.command(client.q + speed * T * FIRST)
-    assert (client.session.state is State.MOVE) == goes_on
+    assert (client.session.state == 'MOVE') == goes_on
 
 
 def test_lost_packets_are_bridged_at_the_last_acceleration():
@@ -207,7 +207,7 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
         client.advance()
         assert client.connection.robot.reference == pytest.approx(expected[k], abs=ROUNDING)
     client.command(expected[6])
-    assert client.session.state is State.MOVE
+    assert client.session.state == 'MOVE'
     assert client.session.reason == ''
 
 
@@ -234,4 +234,4 @@ def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
             client.advance()
         else:
             client.command(q)
-    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+    assert (client.session.state, client.session.reason) == ('MOVE', '')

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.fake_robot.network_model import NetworkModel
+from redres_ros.fake_robot.faults import NetworkModel
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, Refusal
@@ -25,7 +25,6 @@ class _ArrivedCommand(NamedTuple):
     names: Sequence[str]
     positions: np.ndarray  # [rad], one for each name, if all is well
     time: Seconds  # on the monotonic clock
-    again: bool  # whether that state, or a later one, already had its command
     tick: int = 0  # at which it entered the robot's network
 
 
@@ -64,9 +63,11 @@ class CommandReceiver:
         """Take the positions of some joints, in any order, that were sent for the state of a
         stamp.
         """
-        again = stamp <= self.newest
+        now = time.monotonic()
+        if stamp <= self.newest:
+            self._contested_at = now
         self.newest = stamp
-        self._arrivals.append(_ArrivedCommand(stamp, names, positions, time.monotonic(), again))
+        self._arrivals.append(_ArrivedCommand(stamp, names, positions, now))
 
     def take(self) -> list[ClientCommand]:
         """The valid commands that have come since the last call, in the order of their ticks.
@@ -76,10 +77,7 @@ class CommandReceiver:
         """
         tick = self._robot.tick
         while self._arrivals:
-            arrival = self._arrivals.popleft()._replace(tick=tick)
-            if arrival.again:
-                self._contested_at = arrival.time
-            self.network.send(arrival, tick)
+            self.network.send(self._arrivals.popleft()._replace(tick=tick), tick)
         commands = []
         for arrival in self.network.receive(tick):
             try:

@@ -10,21 +10,6 @@ from redres_ros.types import Radians, Seconds
 _HALF_A_DEGREE = math.radians(0.5)
 
 
-class State(Enum):
-    """Session states of all profiles."""
-
-    MON = 'MON'
-    CMD = 'CMD'
-    IDLE = 'IDLE'
-    MONITORING_WAIT = 'MONITORING_WAIT'
-    MONITORING_READY = 'MONITORING_READY'
-    COMMANDING_WAIT = 'COMMANDING_WAIT'
-    COMMANDING_ACTIVE = 'COMMANDING_ACTIVE'
-    MOVE = 'MOVE'
-    REFLEX = 'REFLEX'
-    AUTOMATIC_ERROR_RECOVERY = 'AUTOMATIC_ERROR_RECOVERY'
-
-
 class Event(Enum):
     """What moves a session from state to state."""
 
@@ -88,8 +73,8 @@ class Profile:
     """
 
     name: str
-    transitions: Mapping[State, Mapping[Event, State]]
-    commanding: State  # in which the arm follows its client
+    transitions: Mapping[str, Mapping[Event, str]]
+    commanding: str  # in which the arm follows its client
     qualities: tuple[str, str, str, str]  # names, the worst first
     entry: int  # the least quality with which command mode begins
     lowest: int  # the least quality with which it goes on
@@ -104,7 +89,7 @@ class Profile:
     velocity_stops: bool = False  # a velocity above its limit is a fault, and not just limited
     jerk_limit: float = math.inf  # [rad/s^3]
 
-    def after(self, state: State, event: Event) -> State:
+    def after(self, state: str, event: Event) -> str:
         """The state to which an event leads."""
         return self.transitions[state].get(event, state)
 
@@ -112,10 +97,10 @@ class Profile:
 LWR_FRI1 = Profile(
     name='lwr_fri1',
     transitions={
-        State.MON: {Event.FIRST_COMMAND: State.CMD},
-        State.CMD: dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), State.MON),
+        'MON': {Event.FIRST_COMMAND: 'CMD'},
+        'CMD': dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), 'MON'),
     },
-    commanding=State.CMD,
+    commanding='CMD',
     qualities=('UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'),
     entry=3,
     lowest=1,
@@ -125,22 +110,22 @@ LWR_FRI1 = Profile(
 _ANY_TIMING = (Event.POOR_TIMING, Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
 _GOOD_TIMING = (Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
 _CLOSED = {
-    Event.SILENCE: State.IDLE,
-    **dict.fromkeys((Event.POOR_TIMING, Event.FAULT, Event.RESET), State.MONITORING_WAIT),
+    Event.SILENCE: 'IDLE',
+    **dict.fromkeys((Event.POOR_TIMING, Event.FAULT, Event.RESET), 'MONITORING_WAIT'),
 }
 
 SUNRISE = Profile(
     name='sunrise',
     transitions={
         # Any command opens the session.
-        State.IDLE: dict.fromkeys(_ANY_TIMING, State.MONITORING_WAIT),
-        State.MONITORING_WAIT: _CLOSED | dict.fromkeys(_GOOD_TIMING, State.MONITORING_READY),
+        'IDLE': dict.fromkeys(_ANY_TIMING, 'MONITORING_WAIT'),
+        'MONITORING_WAIT': _CLOSED | dict.fromkeys(_GOOD_TIMING, 'MONITORING_READY'),
         # The robot's program asks for commands.
-        State.MONITORING_READY: _CLOSED | {Event.LONG_GOOD_TIMING: State.COMMANDING_WAIT},
-        State.COMMANDING_WAIT: _CLOSED | {Event.FIRST_COMMAND: State.COMMANDING_ACTIVE},
-        State.COMMANDING_ACTIVE: _CLOSED,
+        'MONITORING_READY': _CLOSED | {Event.LONG_GOOD_TIMING: 'COMMANDING_WAIT'},
+        'COMMANDING_WAIT': _CLOSED | {Event.FIRST_COMMAND: 'COMMANDING_ACTIVE'},
+        'COMMANDING_ACTIVE': _CLOSED,
     },
-    commanding=State.COMMANDING_ACTIVE,
+    commanding='COMMANDING_ACTIVE',
     qualities=('POOR', 'FAIR', 'GOOD', 'EXCELLENT'),
     entry=2,
     lowest=2,
@@ -155,19 +140,19 @@ SUNRISE = Profile(
 FCI = Profile(
     name='fci',
     transitions={
-        State.IDLE: {Event.FIRST_COMMAND: State.MOVE, Event.FAULT: State.REFLEX},
-        State.MOVE: {
-            Event.SILENCE: State.REFLEX,
-            Event.FAULT: State.REFLEX,
-            Event.RESET: State.IDLE,
+        'IDLE': {Event.FIRST_COMMAND: 'MOVE', Event.FAULT: 'REFLEX'},
+        'MOVE': {
+            Event.SILENCE: 'REFLEX',
+            Event.FAULT: 'REFLEX',
+            Event.RESET: 'IDLE',
         },
-        State.REFLEX: {Event.RESET: State.AUTOMATIC_ERROR_RECOVERY},
-        State.AUTOMATIC_ERROR_RECOVERY: {
-            Event.FAULT: State.REFLEX,
-            **dict.fromkeys((Event.SILENCE, *_ANY_TIMING), State.IDLE),
+        'REFLEX': {Event.RESET: 'AUTOMATIC_ERROR_RECOVERY'},
+        'AUTOMATIC_ERROR_RECOVERY': {
+            Event.FAULT: 'REFLEX',
+            **dict.fromkeys((Event.SILENCE, *_ANY_TIMING), 'IDLE'),
         },
     },
-    commanding=State.MOVE,
+    commanding='MOVE',
     qualities=('INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'),
     entry=2,
     lowest=0,

@@ -3,7 +3,7 @@ which follows the commands, or brakes, and never jumps.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,25 +11,14 @@ from redres_ros.errors import JointNamesError
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.types import Cycles, JointPositions, JointVelocities, Seconds
+from redres_ros.types import Cycles, JointPositions, Seconds
+
+if TYPE_CHECKING:
+    from redres_ros.fake_robot.faults import FaultyPlant
+    from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 
 # fraction of the acceleration limit that closes a lag; the rest is left to the command itself
 _CATCH_UP = 0.5
-
-
-class Plant(Protocol):
-    """The simulated arm. Its arrays are new ones each time."""
-
-    joint_names: tuple[str, ...]
-    period: Seconds
-
-    @property
-    def q(self) -> JointPositions: ...
-
-    @property
-    def dq(self) -> JointVelocities: ...
-
-    def step(self, q_ref: JointPositions) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -82,7 +71,10 @@ class FakeRobot:
     """
 
     def __init__(
-        self, plant: Plant, limits: JointLimits, settings: SessionSettings | None = None
+        self,
+        plant: 'FaultyPlant | IdealPlant | MujocoPlant',
+        limits: JointLimits,
+        settings: SessionSettings | None = None,
     ) -> None:
         if plant.joint_names != limits.joint_names:
             raise JointNamesError(plant.joint_names, limits.joint_names)

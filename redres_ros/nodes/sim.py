@@ -14,9 +14,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.fake_robot.command_receiver import CommandReceiver
-from redres_ros.fake_robot.faults import Faults, FaultyPlant
+from redres_ros.fake_robot.faults import Faults, FaultyPlant, NetworkModel
 from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
-from redres_ros.fake_robot.network_model import NetworkModel
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
@@ -190,7 +189,7 @@ class SimNode(ManagedNode):
         if session.reason and session.reason != self._words.get(REASON):
             self.get_logger().error(session.reason)
         self._words.publish(
-            {REASON: session.reason, SESSION: session.state.value, QUALITY: session.quality}
+            {REASON: session.reason, SESSION: session.state, QUALITY: session.quality}
         )
 
     def _publish_state(self) -> None:
@@ -308,7 +307,7 @@ class SimNode(ManagedNode):
         timing = session.timing
         figures = {
             **asdict(timing.statistics),
-            'session state': session.state.value,
+            'session state': session.state,
             'quality': session.quality,
             'at fault': timing.at_fault,
             **asdict(timing.counts),

@@ -8,7 +8,6 @@ from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameErro
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.chain import (
     UNLIMITED_EFFORT,
-    fill_in_inertias,
     make_cylinders,
     tree_to,
     write_out_joints,
@@ -167,7 +166,7 @@ class Arm:
             child(joint.element, 'limit').set('effort', repr(effort))
         if self.dynamics == 'cylinders':
             make_cylinders(urdf, tree)
-        return urdf, remarks + fill_in_inertias(urdf, tree)
+        return urdf, remarks
 
     def _check_sizes(self, moving: list[UrdfJoint]) -> None:
         for field in OF_EACH_JOINT:

@@ -18,10 +18,6 @@ _CYLINDER_MASS = 1.0  # [kg]
 _CYLINDER_RADIUS = 0.06  # [m]
 _CYLINDER_MIN_LENGTH = 0.001  # [m]
 
-# Of a moving part that has none: far below those of any arm
-_STAND_IN_MASS = 0.01  # [kg]
-_STAND_IN_INERTIA = 1e-5  # [kg m^2]
-
 
 def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
     """The joints that lead to any of some tips, fixed ones included, each after those before it.
@@ -68,12 +64,12 @@ def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
 
 
 def write_out_joints(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
-    """Check the joints of a tree, and write out what Pinocchio and MuJoCo would read differently;
-    hold all other joints at zero. A sentence for each assumption is returned.
+    """Check joints and inertias, and write out what Pinocchio and MuJoCo would read differently;
+    hold all joints at zero that are not of the tree. A sentence for each assumption is returned.
 
     Axes get the length 1. A joint that turns without end becomes a revolute one with a range that
     no arm uses up, as the libraries have positions of other kinds for it. Raises FileError for a
-    joint of a kind, axis or limit that cannot be used.
+    joint of a kind, axis or limit that cannot be used, and for negative masses.
     """
     for joint in tree:
         if joint.type not in (*_MOVING, 'fixed'):
@@ -88,8 +84,9 @@ def write_out_joints(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
     remarks = []
     for joint in moving:
         _write_out_axis(urdf, joint)
-        _write_out_range(urdf, joint)
-        remarks += _write_out_effort(urdf, joint)
+        remarks += _write_out_limits(urdf, joint)
+    for link in urdf.links:
+        _check_inertia(urdf, link)
     others = [joint for joint in urdf.joints if joint not in tree and joint.type != 'fixed']
     for joint in others:
         _fix(joint)
@@ -119,7 +116,7 @@ def _write_out_axis(urdf: Urdf, joint: UrdfJoint) -> None:
     axis.set('xyz', ' '.join(map(repr, (given / length).tolist())))
 
 
-def _write_out_range(urdf: Urdf, joint: UrdfJoint) -> None:
+def _write_out_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
     owner = f'joint {joint.name}'
     limit = child(joint.element, 'limit')
     if joint.type == 'continuous':
@@ -132,11 +129,6 @@ def _write_out_range(urdf: Urdf, joint: UrdfJoint) -> None:
         raise urdf.error(f'{owner} has the range {lower:g} to {upper:g}; expected lower < upper')
     if urdf.number(limit, 'velocity', owner) <= 0.0:
         raise urdf.error(f'{owner} has no velocity limit above zero; expected one')
-
-
-def _write_out_effort(urdf: Urdf, joint: UrdfJoint) -> list[str]:
-    owner = f'joint {joint.name}'
-    limit = child(joint.element, 'limit')
     effort = urdf.number(limit, 'effort', owner)
     if effort < 0.0:
         raise urdf.error(f'{owner} has effort {effort:g}; expected a limit above zero')
@@ -153,54 +145,18 @@ def _fix(joint: UrdfJoint) -> None:
             joint.element.remove(element)
 
 
-def fill_in_inertias(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
-    """Give every moving part a mass and an inertia, without which it could not be simulated; a
-    sentence that names those that had none is returned.
-
-    A part is a link that a joint of the tree moves, with all that is fixed to it. Raises FileError
-    for a negative mass or moment, NaN or infinity.
-    """
-    has_inertia = {link: _has_inertia(urdf, link) for link in urdf.links}
-    filled = []
-    for joint in tree:
-        if joint.type == 'fixed' or any(has_inertia[link] for link in _part(urdf, joint.child)):
-            continue
-        filled.append(joint.name)
-        inertial = child(urdf.links[joint.child], 'inertial')
-        mass = child(inertial, 'mass')
-        if not float(mass.get('value', '0')):
-            mass.set('value', repr(_STAND_IN_MASS))
-        _set_moments(inertial, _STAND_IN_INERTIA, _STAND_IN_INERTIA, _STAND_IN_INERTIA)
-    if not filled:
-        return []
-    joints = ', '.join(filled)
-    return [f'what joint {joints} moves has no mass or inertia and gets stand-ins']
-
-
-def _has_inertia(urdf: Urdf, link: str) -> bool:
-    """Whether a link has a mass and an inertia, both of which are checked."""
+def _check_inertia(urdf: Urdf, link: str) -> None:
     inertial = urdf.links[link].find('inertial')
     if inertial is None:
-        return False
+        return
     owner = f'link {link}'
     mass = urdf.number(inertial.find('mass'), 'value', owner)
     if mass < 0.0:
         raise urdf.error(f'{owner} has the mass {mass:g} kg; expected none below zero')
-    inertia = inertial.find('inertia')
-    for product in ('ixy', 'ixz', 'iyz'):
-        urdf.number(inertia, product, owner)
-    moments = [urdf.number(inertia, key, owner) for key in ('ixx', 'iyy', 'izz')]
-    if min(moments) < 0.0:
-        raise urdf.error(f'{owner} has the moment of inertia {min(moments):.3g} kg m^2')
-    return mass > 0.0 and max(moments) > 0.0
-
-
-def _part(urdf: Urdf, link: str) -> Iterator[str]:
-    """A link, and the links that are fixed to it."""
-    yield link
-    for joint in urdf.joints:
-        if joint.parent == link and joint.type == 'fixed':
-            yield from _part(urdf, joint.child)
+    for key in ('ixx', 'iyy', 'izz'):
+        moment = urdf.number(inertial.find('inertia'), key, owner)
+        if moment < 0.0:
+            raise urdf.error(f'{owner} has the moment of inertia {moment:.3g} kg m^2')
 
 
 def make_cylinders(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> None:

@@ -15,8 +15,7 @@ from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Urdf
 from redres_ros.types import JointAccelerations, JointPositions, Points, Seconds
 
-_FEWEST_JOINTS = 3  # of an arm from a URDF
-
+_FEWEST_JOINTS = 3  # as a position has three coordinates
 _REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
 _PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
 
@@ -43,12 +42,8 @@ def arm_from_urdf(
 ) -> Arm:
     """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
 
-    Args:
-        source: The file, a URDF or xacro (Path), or a URDF's text (str).
-        tip_frame: The link that carries out tasks; empty: the last one of an arm without branches.
-        elbow_frame: The link whose origin counts as the elbow; empty: chosen.
-        acceleration_limit: Of each joint, (n,) [rad/s^2] or [m/s^2]; empty: assumed.
-        effort_limit: Of each joint, (n,) [Nm] or [N]; empty: the URDF's own.
+    The source is a file, a URDF or xacro (Path), or a URDF's text (str). Without a tip it is the
+    last link of an arm without branches. Limits are those of each joint, (n,).
 
     Raises:
         FileError: The file cannot be read, has a joint that cannot be used, too few of them, or
@@ -68,7 +63,7 @@ def arm_from_urdf(
     if kinematics.n < _FEWEST_JOINTS:
         raise FileError(
             f'{arm.source}: {kinematics.n} joints move {arm.tip_frame}; '
-            f'expected at least {_FEWEST_JOINTS}, as a position has three coordinates'
+            f'expected at least {_FEWEST_JOINTS}'
         )
     if not kinematics.offsets.any():
         raise FileError(
@@ -102,29 +97,12 @@ def _last_link(source: Path | str) -> str:
     urdf = Urdf.read(source)
     parents = {joint.parent for joint in urdf.joints}
     ends = [link for link in urdf.links if link not in parents]
-    if len(ends) == 1:
-        return ends[0]
-    if not ends:
-        raise urdf.error('there is no last link: its joints form a circle')
-    joints = {link: _joints_to(link, urdf) for link in ends}
-    ends.sort(key=lambda link: -joints[link])  # the tip of an arm first, wheels and sensors last
-    listed = ', '.join(f'{link} ({joints[link]})' for link in ends)
-    raise urdf.error(
-        f'there are {len(ends)} last links, with so many joints before them: {listed}; '
-        'choose the tip with --tip FRAME or the parameter tip_frame'
-    )
-
-
-def _joints_to(link: str, urdf: Urdf) -> int:
-    """Number of moving joints between the root and a link."""
-    joints = {joint.child: joint for joint in urdf.joints}
-    count = 0
-    for _ in joints:  # no more of them even if they form a circle
-        if link not in joints:
-            break
-        count += joints[link].type != 'fixed'
-        link = joints[link].parent
-    return count
+    if len(ends) != 1:
+        raise urdf.error(
+            f'there are {len(ends)} last links: {", ".join(ends) or "the joints form a circle"}; '
+            'choose the tip with --tip FRAME or the parameter tip_frame'
+        )
+    return ends[0]
 
 
 def _middle_joint(kinematics: Kinematics) -> str:
