@@ -22,6 +22,7 @@ from redres_ros.robot_interface import ROBOT_INTERFACES, Published, RobotInterfa
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
 from redres_ros.types import (
+    FLOAT64,
     Cycles,
     JointAccelerations,
     JointPositions,
@@ -389,8 +390,11 @@ class Controller:
         """q, of the nearest turn, and dx; raises as update() says."""
         if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
-        q = as_vector(q, self.model.n, 'q').copy()  # the command's state keeps it
-        dx = as_vector(dx, self.m, 'dx')
+        if not (type(q) is np.ndarray and q.dtype is FLOAT64 and q.shape == (self.model.n,)):
+            q = as_vector(q, self.model.n, 'q')
+        if not (type(dx) is np.ndarray and dx.dtype is FLOAT64 and dx.shape == (self.m,)):
+            dx = as_vector(dx, self.m, 'dx')
+        q = q.copy()  # the command's state keeps it
         if not are_usable(q, dx, _DX_LIMIT):
             check_finite(q, 'q')
             check_finite(dx, 'dx')

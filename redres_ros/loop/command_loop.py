@@ -14,18 +14,16 @@ from redres_ros.contact.settings import AdmittanceSettings
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.approach import Approach
+from redres_ros.loop.commands import Commands
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.measurements import Measurements
-from redres_ros.loop.modes import Conditions, Interlock, Mode, Source, next_mode
-from redres_ros.loop.pose_hold import PoseHold
-from redres_ros.loop.safety_filter import SafetyFilter
+from redres_ros.loop.missed_cycles import MissedCycles
+from redres_ros.loop.modes import MOVING_MODES, Conditions, Interlock, Mode, Source, next_mode
 from redres_ros.loop.session import RobotSession
-from redres_ros.loop.settings import AUTO, LoopSettings
+from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer
 from redres_ros.loop.velocity_input import VelocityInput
-from redres_ros.robot_interface import Published
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -41,10 +39,6 @@ _LONG = 1.0  # [s] after which that is reported
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
-# A response that was sent so shortly before the robot published the next state came after that.
-_TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
-_TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
-_INTERVAL_TIME = 2.0  # [s] after which a long interval between states counts for less
 
 
 class Response(NamedTuple):
@@ -93,14 +87,14 @@ class CommandLoop:
         settings = settings or LoopSettings()
         contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
         self._controller = controller
-        self._interface = controller.robot_interface
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
         self._session = RobotSession(settings.lockstep)
-        self._pose_hold = PoseHold(controller, settings)
         self.input = VelocityInput(controller, self._cycles, settings)
         self.measurements = Measurements(controller, contact, self._cycles)
         self.faults = FaultMonitor(controller)
-        self.safety_filter = SafetyFilter(controller)
+        self._missed = MissedCycles(controller)
+        self._commands = Commands(controller, self.faults, self.input, self.measurements)
+        self.safety_filter = self._commands.safety_filter
         self.mode = Mode.HOLDING
         self.silence = ''  # after which the arm started again from the last state
         self.responses = 0  # to states
@@ -111,15 +105,10 @@ class CommandLoop:
         self._expecting = settings.lockstep  # that velocities go on to come
         self._active = True
         self._held = False  # by request
-        self._source = Source.INPUT
-        self._approach: Approach | None = None  # of the sources APPROACH and PROBE
-        self._before: Published | None = None  # what the last command continued from
-        self._sent = -math.inf  # when the newest response was on its way [s]
-        self._interval = 1  # cycles between two responses, at most, of late
-        self._interval_cycle = 0  # when that was
         self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
-        if not (self._interface.holds or settings.lockstep):
-            controller.longest_gap = self._interface.restart_after + 1
+        interface = controller.robot_interface
+        if not (interface.holds or settings.lockstep):
+            controller.longest_gap = interface.restart_after + 1
 
     # --- what others ask for ----------------------------------------------------------------------
 
@@ -151,7 +140,11 @@ class CommandLoop:
             return (
                 f'{self.faults.reason}; controller/hold with false, or a new motion, lets it go on'
             )
-        return self._cycles.rate_error or self._holding_problem()
+        if self._cycles.rate_error:
+            return self._cycles.rate_error
+        if self.mode is not Mode.HOLDING or self._newest is None:
+            return ''
+        return self.faults.holding_problem(self._newest.q)
 
     @property
     def warning(self) -> str:
@@ -159,31 +152,6 @@ class CommandLoop:
         if self.safety_filter.reason:
             return f'the safety filter acts: {self.safety_filter.reason}'
         return self.silence or self.measurements.problem
-
-    def _holding_problem(self) -> str:
-        """Why an arm that holds cannot stay at its reference; or ''."""
-        controller = self._controller
-        if self.mode is not Mode.HOLDING or controller.published is None or self._newest is None:
-            return ''
-        q = self._newest.q
-        if self.faults.is_away(q):
-            lag, joint = self.faults.lag(q)
-            name = controller.model.joint_names[joint]
-            return (
-                f'held, and {name} is measured {lag:.3g} rad from its reference: the next motion '
-                'begins with an approach to where the arm is'
-            )
-        command = controller.hold_command()
-        limits = controller.policy.limits
-        bounds = limits and limits.at(command.state, command.T)
-        if not bounds or bounds.allow(command.dq):
-            return ''
-        _, active = bounds.nearest(command.dq, None, [])
-        name = active.name if active else ''
-        return (
-            f'held where a limit does not allow it ({name}): a task velocity moves it back '
-            'within its limits, or change that limit'
-        )
 
     def hold(self, held: bool) -> None:
         """Decelerate to rest and hold, or resume, which clears a fault."""
@@ -201,7 +169,7 @@ class CommandLoop:
     def deactivate(self) -> None:
         """Decelerate to rest, and then publish nothing."""
         self._active = False
-        if not self.mode.moves:
+        if self.mode not in MOVING_MODES:
             self.mode = Mode.INACTIVE
 
     def forget(self) -> None:
@@ -223,7 +191,7 @@ class CommandLoop:
 
     def set_connected(self, connected: bool) -> None:
         """Whether commands may reach the robot at all; a moving arm is not let go of."""
-        if not self.mode.moves:
+        if self.mode not in MOVING_MODES:
             self._session.is_connected = connected
 
     def tare(self) -> None:
@@ -231,7 +199,7 @@ class CommandLoop:
 
         Raises TareError while the arm moves or yields, or for a wrench that cannot be used.
         """
-        if self._newest is None or self.mode.moves:
+        if self._newest is None or self.mode in MOVING_MODES:
             raise TareError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
         if self.measurements.contact.is_on and not self._held:
             raise TareError(
@@ -254,7 +222,8 @@ class CommandLoop:
             LeapError: A joint has moved further than it can.
             ArrayError: Positions that are not finite.
         """
-        check_finite(q, 'q')
+        if not math.isfinite(q.dot(q)):
+            check_finite(q, 'q')
         self.input.note_input(now)
         stamp_before = self._cycles.newest
         if stamp and stamp == stamp_before:
@@ -298,7 +267,8 @@ class CommandLoop:
             q: Measured.
             clock_step: Step of the robot's clock against this computer's; large for another robot.
         """
-        holds = self.mode is Mode.HOLDING or (self._interface.holds and self.mode.moves)
+        holds = self._controller.robot_interface.holds and self.mode in MOVING_MODES
+        holds = holds or self.mode is Mode.HOLDING
         return holds and abs(clock_step) < _CLOCK_STEP and not self.faults.is_away(q)
 
     def _begin_anew(self) -> None:
@@ -306,7 +276,7 @@ class CommandLoop:
         self.faults.clear()
         self.faults.begin()
         self.input.buffer.clear()
-        self._end_approach()
+        self._commands.end_approach()
         self._controller.restart()
         self.newest_response = None
         if self.mode is not Mode.INACTIVE:
@@ -314,7 +284,7 @@ class CommandLoop:
 
     def note_sent(self, now: Seconds) -> None:
         """The newest response is on its way."""
-        self._sent = now
+        self._missed.sent = now
 
     def enter_twist(
         self, stamp: Nanoseconds, dx: TaskVelocity, now: Seconds, time_of_day: Nanoseconds = 0
@@ -352,7 +322,7 @@ class CommandLoop:
         kind = self.input.buffer
         of_a_state = self.input.enter(buffer, stamp, dx, now, time_of_day)
         if self.input.buffer is not kind:
-            self._end_approach()
+            self._commands.end_approach()
         self._expecting = self._expecting or of_a_state
         response = self.respond_if_due(now)
         if of_a_state and self._waiting is None:
@@ -361,7 +331,7 @@ class CommandLoop:
 
     def _prepare(self, buffer: TwistBuffer) -> None:
         """Compute ahead what the next response needs, while nobody waits for it."""
-        follows = self.mode is Mode.MOVING and self._source is Source.INPUT
+        follows = self.mode is Mode.MOVING and self._commands.source is Source.INPUT
         if follows and not self.measurements.yields:
             dx = buffer.prepare(self._cycles.number + 1)
             if dx is not None:
@@ -377,7 +347,7 @@ class CommandLoop:
             awaits = self._expecting and not self._held
             if self.input.settings.lockstep:
                 return None
-            if awaits and now - state.arrived < self._interface.patience:
+            if awaits and now - state.arrived < self._controller.robot_interface.patience:
                 return None
         self._waiting = None
         self._expecting = self._expecting and known
@@ -398,7 +368,7 @@ class CommandLoop:
         self._change_mode(state, dx, stale, interlock)
         if self.mode is Mode.INACTIVE:
             return None
-        if stale and (self.mode is Mode.HOLDING or self._source is Source.MEASUREMENTS):
+        if stale and (self.mode is Mode.HOLDING or self._commands.source is Source.MEASUREMENTS):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))
         try:
@@ -408,8 +378,8 @@ class CommandLoop:
             interlock = Interlock.FAULT
             self.mode = Mode.STOPPING
             self.measurements.restart()
-            command = self._brake(state, missed)
-        follows = interlock is None and self._approach is None
+            command = self._commands.brake(state.q, missed)
+        follows = interlock is None and self._commands.approach is None
         if not follows or command.s >= _LITTLE:
             self._slow_since = 0
         elif not self._slow_since:
@@ -421,70 +391,35 @@ class CommandLoop:
         """The cycles without a command that count; after a long silence the arm is at rest."""
         self.silence = ''
         last = self.newest_response
+        moves = self.mode in MOVING_MODES
+        if moves and self._missed.is_late(min(state.arrived, self._cycles.earliest_arrival)):
+            self._controller.go_on_from(self._commands.before)
         published = self._controller.published
         if last is None or published is None:
             return 0
         missed = max(state.cycle - last.cycle - 1, 0)
         self.skipped += missed
-        allowed = self._interface.restart_after
-        if self.mode.moves and self._interface.holds:
-            self._rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
-        if missed <= allowed:
-            self._adapt_interval(missed, state.cycle)
+        interface = self._controller.robot_interface
+        if missed <= interface.restart_after:
+            self._missed.count(missed, state.cycle)
             return missed
-        if self._has_continued(state.q - last.q, missed, published):
+        if self._missed.explain(state.q - last.q, missed, published):
             return missed
-        if self.mode.moves:
-            place = 'the last reference' if self._interface.holds else 'the measured position'
+        if moves:
+            place = 'the last reference' if interface.holds else 'the measured position'
             self.silence = (
-                f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
-                f'{place}, at rest'
+                f'no state came in {missed} cycles, allowed {interface.restart_after}: the arm '
+                f'goes on from {place}, at rest'
             )
-            self._end_approach()
-            self._controller.hold_at(published.q if self._interface.holds else state.q)
+            self._commands.end_approach()
+            self._controller.hold_at(published.q if interface.holds else state.q)
             self.mode = Mode.HOLDING
         return 0
-
-    def _adapt_interval(self, missed: Cycles, cycle: int) -> None:
-        """Allow for intervals between commands such as the last ones, in which a robot that does
-        not hold moves on: joints must still stop in time.
-        """
-        if self._interface.holds:
-            return
-        if missed + 1 >= self._interval:
-            self._interval = missed + 1
-            self._interval_cycle = cycle
-        elif (cycle - self._interval_cycle) * self._controller.T > _INTERVAL_TIME:
-            self._interval -= 1
-            self._interval_cycle = cycle
-        if self._controller.gap != self._interval:
-            self._controller.gap = self._interval
-
-    def _has_continued(self, moved: JointPositions, missed: Cycles, published: Published) -> bool:
-        """Whether a robot that extrapolates has gone on by itself all the time: it still moves.
-
-        Args:
-            moved: Since the last response; a servo's lag is in both positions.
-        """
-        if self._interface.holds:
-            return False
-        expected = self._controller.bridged(published, missed).q - published.q
-        return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
-
-    def _rollback_if_late(self, state_published: Seconds) -> None:
-        """Take back the last response if the next one will reach the robot in the same cycle.
-
-        For a robot that holds: it executes only the second of them, which would be a step of two
-        cycles.
-        """
-        together = min(_TOGETHER, _TOGETHER_FRACTION * self._controller.T)  # [s]
-        if self._before is not None and state_published - self._sent < together:
-            self._controller.go_on_from(self._before)
 
     def _measure(self, state: _State, missed: Cycles) -> None:
         """Update measurements beside positions; they restart while motion is blocked."""
         blocked = not self._active or self._held or self._cycles.rate_error or self.faults.reason
-        if blocked or self._approach is not None:
+        if blocked or self._commands.approach is not None:
             self.measurements.restart()
         try:
             self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
@@ -494,13 +429,14 @@ class CommandLoop:
 
     def _watch(self, state: _State, dx: TaskVelocity, stale: bool, missed: Cycles) -> None:
         """Notice faults, and that one is over."""
+        commands = self._commands
         asks = not stale and largest(dx) > _NO_TASK
-        asks = asks or (self._source is Source.MEASUREMENTS and self.measurements.asks)
+        asks = asks or (commands.source is Source.MEASUREMENTS and self.measurements.asks)
         self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
-        if self._source is Source.PROBE and self._approach is not None:
-            if self._approach.has_failed:
+        if commands.approach is not None and commands.approach.is_probe:
+            if commands.approach.has_failed:
                 self.faults.set_not_executing()
-        elif self.mode.moves and not self.faults.reason:
+        elif self.mode in MOVING_MODES and not self.faults.reason:
             self.faults.watch(state.q, missed + 1)
 
     def _interlock(self, state: _State, stale: bool) -> Interlock | None:
@@ -521,14 +457,15 @@ class CommandLoop:
         self, state: _State, dx: TaskVelocity, stale: bool, interlock: Interlock | None
     ) -> None:
         """Switch to the mode of this state."""
+        commands = self._commands
         published = self._controller.published
-        dq = np.zeros(1) if published is None else published.dq
+        fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = interlock is None
         asked = allowed and (largest(dx) > 0.0 or self.faults.is_probing)
-        if interlock in (None, Interlock.SILENCE) and self._may_yield(stale):
+        yields = commands.source is Source.MEASUREMENTS or self.measurements.asks
+        if yields and interlock in (None, Interlock.SILENCE) and self._may_yield(stale):
             allowed = True
             asked = asked or self.measurements.asks
-        fastest = largest(dq)
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or fastest > 0.0,
@@ -541,107 +478,41 @@ class CommandLoop:
         self.mode = next_mode(before, conditions)
         if self.mode is not before:
             self._begin_mode(state, before)
-        if self._approach is None:
-            yields = stale and self.mode is Mode.MOVING
-            self._source = Source.MEASUREMENTS if yields else Source.INPUT
+        if commands.approach is None:
+            follows_measurements = stale and self.mode is Mode.MOVING
+            commands.source = Source.MEASUREMENTS if follows_measurements else Source.INPUT
 
     def _may_yield(self, stale: bool) -> bool:
         """Whether an arm follows what is measured, and comes to rest after it by itself."""
         if self.faults.reason:
             return False
-        if self._source is Source.MEASUREMENTS:
+        if self._commands.source is Source.MEASUREMENTS:
             return True
         interrupted = stale and self.mode is Mode.MOVING  # it brakes first
-        retreats = self.measurements.contact.retreats
-        return self.measurements.asks and (retreats or not interrupted)
+        return self.measurements.contact.retreats or not interrupted
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         """What the mode of this state begins with."""
         controller = self._controller
         self.faults.begin()
-        self._end_approach()
+        self._commands.end_approach()
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
         if self.mode is Mode.MOVING:
-            self._pose_hold.clear()
-            is_probe = self.faults.is_probing
-            if is_probe or self.faults.is_away(state.q):
-                self._approach = Approach(controller, state.q, is_probe)
-                self._source = Source.PROBE if is_probe else Source.APPROACH
-            controller.resume()
-            return
-        if self.mode is Mode.HOLDING:
+            self._commands.begin_motion(state.q)
+        elif self.mode is Mode.HOLDING:
             controller.hold_at(controller.reference)
-            return
-        self.measurements.restart()
+        else:
+            self.measurements.restart()
         if self.mode is Mode.STOPPING:
             controller.hold()
 
-    def _end_approach(self) -> None:
-        """Follow the input velocity again."""
-        if self._approach is not None:
-            self._approach = None
-            self._source = Source.INPUT
-            self._controller.follow_joints(self.input.is_of_joints)
-
     def _command(self, state: _State, dx: TaskVelocity, missed: Cycles) -> Command:
-        """The command of the mode in force. Raises RedresError if there is none; the reference
-        before is still in force.
-        """
-        controller = self._controller
-        if self.mode is Mode.MIRRORING or controller.published is None:
-            controller.hold_at(state.q)
-        if not self.mode.moves:
-            self.safety_filter.reason = ''
-            return controller.hold_command()
+        """The command of the mode in force. Raises RedresError if there is none."""
+        if self.mode is Mode.MOVING:
+            return self._commands.move(state.q, dx, missed)
         if self.mode is Mode.STOPPING:
-            return self._brake(state, missed)
-        published = controller.published
-        try:
-            return self._move(state, dx, missed)
-        except RedresError:
-            controller.go_on_from(published)
-            raise
-
-    def _move(self, state: _State, dx: TaskVelocity, missed: Cycles) -> Command:
-        """The next reference, along the input velocity or an approach."""
-        controller = self._controller
-        is_open_loop = self.input.is_open_loop
-        scaling = self.input.settings.scaling
-        if scaling == AUTO:
-            scaling = 'components' if is_open_loop else 'task'
-        controller.set_scaling(scaling)
-        if self._approach is not None:
-            command = self._publish(state, self._approach.velocity(controller.reference), missed)
-            if self._approach.is_over(state.q, controller.reference, controller.T):
-                self._end_approach()
-                self.faults.is_probing = False
-            return command
-        if self.input.is_of_joints:
-            return self._publish(state, dx, missed)
-        yields = self.measurements.yields
-        dx, correction = self._pose_hold.hold(dx, is_open_loop and not yields)
-        if not yields:
-            return self._publish(state, dx, missed, correction)
-        dx = self.measurements.velocity(dx, state.q, missed)
-        command = self._publish(state, dx, missed, correction)
-        self.measurements.record(command)
-        return command
-
-    def _brake(self, state: _State, missed: Cycles) -> Command:
-        """The next reference of an arm that is to come to rest."""
-        self._controller.hold()
-        return self._publish(state, np.zeros(self._controller.m), missed)
-
-    def _publish(
-        self,
-        state: _State,
-        dx: TaskVelocity,
-        missed: Cycles,
-        correction: TaskVelocity | None = None,
-    ) -> Command:
-        """The command for a velocity, through the safety filter."""
-        plan = self._controller.plan(state.q, dx, missed, correction)
-        plan = self.safety_filter.admit(plan)
-        self._before = plan.base
-        return self._controller.commit(plan)
+            return self._commands.brake(state.q, missed)
+        if self.mode is Mode.MIRRORING or self._controller.published is None:
+            self._controller.hold_at(state.q)
+        return self._commands.hold()

@@ -135,6 +135,29 @@ class FaultMonitor:
         """Whether an arm measured at q is not where its reference is."""
         return self.lag(q)[0] > self._allowed
 
+    def holding_problem(self, q: JointPositions) -> str:
+        """Why an arm at rest, measured at q, cannot stay at its reference; or ''."""
+        controller = self._controller
+        if controller.published is None:
+            return ''
+        lag, joint = self.lag(q)
+        if lag > self._allowed:
+            return (
+                f'held, and {self._model.joint_names[joint]} is measured {lag:.3g} rad from its '
+                'reference: the next motion begins with an approach to where the arm is'
+            )
+        command = controller.hold_command()
+        limits = controller.policy.limits
+        bounds = limits and limits.at(command.state, command.T)
+        if not bounds or bounds.allow(command.dq):
+            return ''
+        _, active = bounds.nearest(command.dq, None, [])
+        name = active.name if active else ''
+        return (
+            f'held where a limit does not allow it ({name}): a task velocity moves it back '
+            'within its limits, or change that limit'
+        )
+
     def watch(self, q: JointPositions, cycles: Cycles) -> None:
         """Compare what was measured of a moving arm, `cycles` after the last state, with what was
         commanded.

@@ -58,6 +58,7 @@ class Measurements:
         self._time = 0.0  # [s] of the loop
         self._asked = -np.inf  # when motion was last asked for [s]
         self._usable = 0.0  # when there was a usable wrench last, or none was needed [s]
+        self._is_idle = True  # nothing was measured, and nothing is to yield
         self._dx = np.zeros(0)  # task velocity of the last tick without the part of contact
 
     @property
@@ -88,6 +89,7 @@ class Measurements:
             UnknownNameError: The arm has no such link.
         """
         self._check_age('wrench', stamp, time_of_day)
+        self._is_idle = False
         if frame not in self._links:
             model = self._controller.model
             model.position(np.zeros(model.n), frame)
@@ -104,6 +106,7 @@ class Measurements:
             ArrayError: It is not finite.
         """
         self._check_age(name, stamp, time_of_day)
+        self._is_idle = False
         check_finite(value, name)
         self._values[name] = _Measurement(value, self._time)
 
@@ -126,6 +129,10 @@ class Measurements:
             at_rest: Nothing moves yet.
         """
         self._time += (missed + 1) * self._controller.T
+        self._is_idle = self._is_idle and not self.contact.admittance.settings.enabled
+        if self._is_idle:
+            self._usable = self._time
+            return
         self.yields = self.contact.is_on
         if not self.yields:
             self.contact.sensor.advance(missed + 1)

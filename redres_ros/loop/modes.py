@@ -22,10 +22,8 @@ class Mode(Enum):
     MOVING = 'moving'
     STOPPING = 'stopping'
 
-    @property
-    def moves(self) -> bool:
-        """Whether references may change."""
-        return self in (Mode.MOVING, Mode.STOPPING)
+
+MOVING_MODES = (Mode.MOVING, Mode.STOPPING)  # in which references change
 
 
 class Source(Enum):

@@ -38,6 +38,11 @@ class PoseHold:
         self._targets: dict[str, Pose] = {}  # by component
         self._added = np.zeros(6)
 
+    @property
+    def acts(self) -> bool:
+        """Whether something is added to the twist."""
+        return bool(self._targets) or largest(self._added) > 0.0
+
     def hold(
         self, dx: TaskVelocity, is_open_loop: bool
     ) -> tuple[TaskVelocity, TaskVelocity | None]:
@@ -48,7 +53,7 @@ class PoseHold:
         """
         task = self._controller.policy.task
         published = self._controller.published
-        may_hold = is_open_loop or largest(self._added) > 0.0
+        may_hold = is_open_loop or self.acts
         if not may_hold or not isinstance(task, Pose) or published is None:
             self.clear()
             return dx, None

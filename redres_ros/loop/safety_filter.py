@@ -25,13 +25,19 @@ class SafetyFilter:
         self.count = 0  # references that it changed
         self.reason = ''  # why it changed the last one; empty if it did not
         self._controller = controller
+        self._limits = controller.policy.limits
+        self._V, self._A = self._allowed()
 
     def admit(self, plan: Plan) -> Plan:
         """The plan whose reference may be published."""
         model = self._controller.model
         T = self._controller.T
         base = plan.base
-        V, A = self._allowed()
+        if self._controller.policy.limits is not self._limits:
+            self._limits = self._controller.policy.limits
+            self._V, self._A = self._allowed()
+        V = self._V
+        A = self._A
         q_ref = np.empty(model.n)
         dq = np.empty(model.n)
         joint = admit(plan.q_ref, base.q, base.dq, T, V, A, model.q_min, model.q_max, q_ref, dq)
@@ -47,12 +53,11 @@ class SafetyFilter:
     def _allowed(self) -> tuple[JointVelocities, JointAccelerations]:
         """V and A; infinite for a controller without limits."""
         model = self._controller.model
-        limits = self._controller.policy.limits
         unlimited = np.full(model.n, np.inf)
-        if limits is None:
+        if self._limits is None:
             return unlimited, unlimited
-        if limits.acceleration is not None:
-            return model.dq_max, limits.acceleration
+        if self._limits.acceleration is not None:
+            return model.dq_max, self._limits.acceleration
         return model.dq_max, np.array(model.arm.acceleration_limit or unlimited)
 
     def _reason(self, plan: Plan, joint: int, V: JointVelocities, A: JointAccelerations) -> str:

@@ -59,6 +59,7 @@ class _Output(NamedTuple):
         guesses: Cycles in a row that were not known.
         residual: What is added to the target, and fades out.
         left: Cycles until it has.
+        dx: What the arm is to follow.
     """
 
     cycle: int
@@ -67,11 +68,7 @@ class _Output(NamedTuple):
     guesses: int
     residual: TaskVelocity
     left: int
-
-    @property
-    def dx(self) -> TaskVelocity:
-        """What the arm is to follow."""
-        return self.target + self.residual
+    dx: TaskVelocity
 
 
 class TwistBuffer:
@@ -109,7 +106,7 @@ class TwistBuffer:
         """Clear the buffer: the next task velocity is approached from rest."""
         self._twists: list[_Twist] = []
         line = _Line(_Twist(-1, self._rest), self._rest, -1, guessed=True, dense=False)
-        self._last = _Output(self._played, line, self._rest, 0, self._rest, 0)
+        self._last = _Output(self._played, line, self._rest, 0, self._rest, 0, self._rest)
         self._ahead: _Output | None = None
 
     def put(self, cycle: int, dx: TaskVelocity) -> None:
@@ -157,17 +154,22 @@ class TwistBuffer:
         sampled = cycle - self._lag
         cycles = max(cycle - self._played, 1)
         line = self._sample(sampled)
-        target = line.at(sampled)
+        target = line.at(sampled) if line.guessed or line.start.cycle < sampled else line.start.dx
         residual = last.residual
         left = last.left
-        jump, spread = self._jump(line, target, sampled, cycles)
+        if last.guesses and line.start is not last.line.start:
+            jump, spread = self._correction(line, target, sampled, cycles)
+        else:
+            jump = last.target - target
+            spread = int(self._cycles_needed(jump) > cycles)
         if spread:
             residual = residual + jump
             left = max(spread, left, self._cycles_needed(residual))
         if left:
             left -= 1
             residual = residual * (left / (left + 1))
-        return _Output(cycle, line, target, last.guesses + 1 if line.guessed else 0, residual, left)
+        guesses = last.guesses + 1 if line.guessed else 0
+        return _Output(cycle, line, target, guesses, residual, left, target + residual)
 
     def _sample(self, cycle: int) -> _Line:
         """The line through what is known before and after a cycle, else through the last two."""
@@ -197,17 +199,12 @@ class TwistBuffer:
                 slope = steady
         return _Line(last, slope, last.cycle + _EXTRAPOLATED, guessed=True, dense=dense)
 
-    def _jump(
+    def _correction(
         self, line: _Line, target: TaskVelocity, sampled: int, cycles: Cycles
     ) -> tuple[TaskVelocity, Cycles]:
-        """From the target to where the output was led so far, and the cycles over which it fades
-        out; 0 if it is within the accelerations.
-        """
+        """From the target to where a guess has led, and the cycles over which that fades out."""
         last = self._last
         old = last.line
-        if not last.guesses or line.start is old.start:
-            jump = last.target - target
-            return jump, int(self._cycles_needed(jump) > cycles)
         expected = old.at(sampled)
         if self._cycles_needed(expected - last.target) > cycles:
             expected = last.target  # a line between two that were known may be steep

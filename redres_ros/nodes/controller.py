@@ -16,7 +16,7 @@ from redres_ros.errors import RedresError, one_line
 from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
-from redres_ros.loop.modes import Mode
+from redres_ros.loop.modes import MOVING_MODES, Mode
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import JointMapper, TwistTransformer
@@ -263,7 +263,7 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _may_be_cleaned_up(self) -> bool:
-        return not self._loop.mode.moves or self._watchdog.silent
+        return self._loop.mode not in MOVING_MODES or self._watchdog.silent
 
     def _forget(self) -> None:
         self._loop.forget()
