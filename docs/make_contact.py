@@ -27,12 +27,12 @@ from test_impedance import (
 )
 
 from redres_ros import make_law
-from redres_ros.contact import AdmittanceSettings, minimum_damping
-from redres_ros.contact.contact_control import ContactError
+from redres_ros.contact import ContactError
 from redres_ros.laws import Law
 from redres_ros.preferences import Compliance
 
 T = 0.002  # [s]
+SEARCH_SPEED = 0.02  # [m/s] of ContactControl
 ARMS = ('fr3', 'iiwa7', 'lwr4')
 STIFFNESSES = (1e3, 1e4, 1e5)  # [N/m]
 BANDWIDTHS = (100.0, 400.0)  # [rad/s]
@@ -146,7 +146,8 @@ def draw_bound() -> None:
             bounds = []
             measured = []
             for stiffness, delay in product(STIFFNESSES, DELAYS):
-                bound = minimum_damping(stiffness, T, delay=delay, bandwidth=bandwidth)
+                # an integrator behind a delay and a servo: 1.5 rad of phase at the crossover
+                bound = stiffness * (delay * T + 2.0 / bandwidth) / 1.5
                 case = Pressing(arm, T, bandwidth, stiffness, delay=delay, gap=0.0, force_limit=1e4)
                 bounds.append(bound)
                 measured.append(least_damping(case, bound))
@@ -177,7 +178,7 @@ def ripple(case: Pressing) -> float:
     pressing = PressingArm(case)
     lag = case.delay * T + 2.0 / case.bandwidth
     settles = 0.3 + LAGS * lag + 7.0 * case.damping / case.stiffness
-    settles += 0.25 * FORCE / (case.stiffness * AdmittanceSettings().search_speed)
+    settles += 0.25 * FORCE / (case.stiffness * SEARCH_SPEED)
     forces = []
     for _ in range(round((settles + JUDGED) / T)):
         state = pressing.state()

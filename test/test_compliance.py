@@ -5,7 +5,7 @@ import pytest
 from contact_scenes import PUSH, elbow_direction, elbow_pushed
 from test_yielding import EPOCH, LIMITS
 
-from redres_ros import Compliance, Controller, Posture, RobotModel, make_law
+from redres_ros import LAWS, Compliance, Controller, Posture, RobotModel, make_law
 from redres_ros.errors import ArrayError
 from redres_ros.limits.joint import VelocityLimit
 from redres_ros.loop.command_loop import CommandLoop
@@ -22,24 +22,19 @@ T = 0.002  # [s]
     'arm',
     ['fr3', *(pytest.param(arm, marks=pytest.mark.nightly) for arm in ('iiwa7', 'lwr4', 'gen3'))],
 )
-def test_the_elbow_gives_while_the_tip_presses_and_comes_back(arm: str) -> None:
-    run = elbow_pushed(arm, presses=True)
+@pytest.mark.parametrize('presses', [True, pytest.param(False, marks=pytest.mark.nightly)])
+def test_the_elbow_gives_and_comes_back_while_the_tip_keeps_its_place(
+    arm: str, presses: bool
+) -> None:
+    run = elbow_pushed(arm, presses=presses)
     assert run.elbow.max() >= 0.03
+    if not presses:
+        assert np.linalg.norm(run.tip, axis=1).max() < 2e-4
+        return
     # posture 4 and damping 10 leave exp(-0.42 * 6) = 8 % after six seconds
     assert abs(run.elbow[-1]) < 0.15 * run.elbow.max()
     assert run.rms < 0.05
     assert np.linalg.norm(run.tip[:, :2], axis=1).max() < 4e-4
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize('arm', ['fr3', 'iiwa7', 'lwr4', 'gen3'])
-def test_the_elbow_gives_while_the_tip_rests_in_free_space(arm: str) -> None:
-    run = elbow_pushed(arm, presses=False)
-    assert run.elbow.max() >= 0.03
-    assert np.linalg.norm(run.tip, axis=1).max() < 2e-4
-
-
-# --- the measurement ------------------------------------------------------------------------------
 
 
 def with_torques(model: RobotModel, torques: np.ndarray) -> RobotState:
@@ -47,16 +42,19 @@ def with_torques(model: RobotModel, torques: np.ndarray) -> RobotState:
     return RobotState(model, np.array(model.arm.start), np.zeros(model.n), tick=tick)
 
 
-def test_the_acceleration_is_the_gain_times_the_torques_from_outside() -> None:
+def test_the_acceleration_is_the_gain_times_the_torques_in_the_metric_of_the_law() -> None:
     model = RobotModel.named('fr3')
     compliance = Compliance(gain=2.0)
-    assert not compliance.acceleration(RobotState(model, np.zeros(7), np.zeros(7))).any()
     torques = np.arange(7.0)
     state = with_torques(model, torques)
-    assert (compliance.acceleration(state) == 2.0 * torques).all()
-    state = with_torques(model, np.zeros(3))
+    for law in LAWS:
+        W = make_law(law).weight(state)
+        ddq_N = compliance.acceleration_in(state, W)
+        W = np.eye(7) if W is None else np.asarray(W)
+        assert W @ ddq_N == pytest.approx(2.0 * torques, abs=1e-7)  # W has a condition of 1e8
+    assert not compliance.acceleration(RobotState(model, state.q, state.q)).any()
     with pytest.raises(ArrayError, match='expected 7 values'):
-        compliance.acceleration(state)
+        compliance.acceleration(with_torques(model, np.zeros(3)))
 
 
 def test_a_policy_names_what_its_preferences_and_limits_measure() -> None:
@@ -70,19 +68,17 @@ def test_a_policy_names_what_its_preferences_and_limits_measure() -> None:
     assert policy.measurements == {'external_torques', 'person_distance'}
 
 
-@pytest.mark.parametrize(
-    'law', ['minimum_acceleration', 'dynamically_consistent', 'minimum_torque']
-)
+@pytest.mark.parametrize('law', LAWS)
 def test_a_force_on_the_tip_moves_nothing_in_the_null_space(law: str) -> None:
     model = RobotModel.named('fr3')
     q = np.array(model.arm.start)
-    compliance = Compliance()
-    controller = Controller(model, make_law(law), T, preferences=(compliance,))
-    alone = controller.update(q, np.zeros(3)).dq
-    tip_force = model.jacobian(q, model.arm.tip_frame)[:3].T @ np.array((5.0, -10.0, 20.0))
-    controller = Controller(model, make_law(law), T, preferences=(compliance,))
-    controller.measurements = {'external_torques': tip_force}
-    assert controller.update(q, np.zeros(3)).dq == pytest.approx(alone, abs=1e-9)
+    tip_force = model.state(q, q).J[:3].T @ np.array((5.0, -10.0, 20.0))
+    commands = []
+    for torques in (np.zeros(7), tip_force):
+        controller = Controller(model, law, T, preferences=['compliance'])
+        controller.measurements = {'external_torques': torques}
+        commands.append(controller.update(q, np.zeros(3)).dq)
+    assert commands[1] == pytest.approx(commands[0], abs=1e-9)
 
 
 class TorqueLoop:
@@ -130,7 +126,6 @@ def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     # it holds once it is slower than 1e-4 rad/s, with posture and damping 2.5e-4 rad away
     assert arm.q == pytest.approx(start, abs=1e-3)
     assert arm.model.tip(arm.q)[0] == pytest.approx(x0, abs=1e-4)
-    assert arm.loop.safety_filter.count == 0
 
 
 def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command() -> None:
@@ -141,7 +136,6 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     assert 'expected 7 values' in arm.loop.error
     before = arm.q
     assert (arm.run(0.2, np.zeros(3)) == before).all()
-    assert arm.loop.safety_filter.count == 0
 
 
 def test_torques_that_are_no_longer_measured_move_nothing() -> None:

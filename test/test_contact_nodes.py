@@ -97,7 +97,6 @@ def test_what_does_not_suit_is_refused_and_changes_nothing() -> None:
         for changes in (
             {'admittance.damping': [1000.0]},
             {'admittance.frame': 'nose'},
-            {'admittance.contact_stiffness': 1e6},
             {'admittance.mass': [-1.0, 0.0, 0.0]},
         ):
             assert not run.set('controller', **changes)

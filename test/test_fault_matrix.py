@@ -174,9 +174,6 @@ IN_CONTACT = {
     'the wrench is not finite': InContact(
         {'wrench_fault': 'not_finite'}, {}, 'expected finite values'
     ),
-    'the wrench is saturated': InContact(
-        {'wrench_fault': 'saturated'}, {'admittance.sensor_range': 10.0}, 'the wrench is saturated'
-    ),
     'a force above `force_limit`': InContact(
         {'push_force': [0.0, 0.0, 150.0]}, {}, 'the tip has retreated'
     ),
@@ -267,8 +264,7 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
     loop = {'rate': RATE}
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
     moves = channel.topic != 'target_pose'
-    yielding = {'admittance.enabled': True, 'admittance.retreat_distance': 1e-3}
-    controller = {**loop, **yielding} if channel is WRENCH else loop
+    controller = {**loop, 'admittance.enabled': True} if channel is WRENCH else loop
     with virtual_run(sim=sim, controller=controller, planner={**loop, 'autostart': moves}) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         scene = Scene(run)

@@ -94,7 +94,7 @@ def by_velocity(
         f = force(k * T, state.x - arm.x0)
         controller.measurements = state.measurements
         wrench = np.append(felt * f, np.zeros(3))
-        command = controller.update(plant.q, admittance.velocity(np.zeros(3), wrench, state))
+        command = controller.update(plant.q, admittance.rate(wrench, state))
         admittance.record(command, np.zeros(3))
         rows.append((command.dq, state.x - arm.x0))
         plant.push(f)

@@ -31,11 +31,7 @@ STEPS = (1e2, 1e4, 1e6, 1e200)  # [N]
 
 
 class ContactWorld(World):
-    """The world of test_random_pairs with a table, a force sensor, and torques from outside.
-
-    Args:
-        seed: Of all that is random.
-    """
+    """The world of test_random_pairs with a table, a force sensor, and torques from outside."""
 
     def __init__(self, seed: int) -> None:
         super().__init__(seed)
@@ -81,8 +77,6 @@ class ContactWorld(World):
             with suppress(RedresError):
                 self.loop.measurements.enter('external_torques', 0, torques)
 
-    # --- what happens ---
-
     def begin_step(self) -> None:
         """A force that stays for a while."""
         self.step_of_force = self.chance.choice(STEPS) * self.chance.normal(size=6)
@@ -101,9 +95,6 @@ class ContactWorld(World):
                 stiffness=tuple(chance.choice((0.0, 1e2, 1e5)) * chance.random(rows)),
                 force=tuple(chance.choice((0.0, 20.0, 1e3)) * chance.uniform(-1.0, 1.0, rows)),
                 force_limit=float(chance.choice((5.0, 100.0, 1e4))),
-                filter_time=float(chance.choice((0.0, 0.02))),
-                retreat_speed=float(chance.choice((0.02, 0.5))),
-                search_speed=float(chance.choice((0.02, 0.5))),
             )
             self.contact.set_settings(self.settings)
             self.loop.hold(False)
@@ -139,12 +130,7 @@ HAPPENINGS = {**DISTURBANCES, **CONTACTS}
 
 
 def happen(world: ContactWorld, name: str) -> None:
-    """Something, and what follows.
-
-    Args:
-        world: In which.
-        name: In HAPPENINGS.
-    """
+    """Something, and what follows."""
     world.disturbances[name] = world.tick + int(world.chance.geometric(1.0 / 100.0))
     HAPPENINGS[name](world)
     world.run(int(world.chance.integers(10, 200)))

@@ -49,7 +49,7 @@ TOPICS = {
 SERVICES = {
     'sim/reset': 'clear a stop; command mode begins again after half a second of good timing',
     'controller/hold': 'decelerate to rest and hold, or resume',
-    'controller/tare': 'take the measured wrench, less the weight of the payload, for zero',
+    'controller/tare': 'take the measured wrench for zero',
     'planner/start': 'begin the task, after a motion to its start if needed. The response says '
     'what will happen',
     'planner/home': 'go to the joint positions at which the task starts',

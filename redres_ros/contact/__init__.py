@@ -3,8 +3,15 @@
 The pure part: no ROS, usable beside a Controller in any closed loop.
 """
 
-from redres_ros.contact.admittance import Admittance
-from redres_ros.contact.contact_control import ContactControl
-from redres_ros.contact.settings import AdmittanceSettings, minimum_damping
+from redres_ros.contact.admittance import BASE, TIP, Admittance, AdmittanceSettings
+from redres_ros.contact.contact_control import ContactControl, ContactError, TareError
 
-__all__ = ['Admittance', 'AdmittanceSettings', 'ContactControl', 'minimum_damping']
+__all__ = [
+    'BASE',
+    'TIP',
+    'Admittance',
+    'AdmittanceSettings',
+    'ContactControl',
+    'ContactError',
+    'TareError',
+]

@@ -1,13 +1,104 @@
 """Admittance: a task velocity that yields to the measured force like a mass, damper and spring."""
 
+from dataclasses import dataclass
+from functools import partial
+from typing import Self
+
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.contact.settings import BASE, TIP, AdmittanceSettings, as_array
+from redres_ros.errors import ArrayError, RangeError
 from redres_ros.interpolation import quintic
+from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotState
+from redres_ros.types import Rotation, Seconds, TaskVelocity, Wrench
 
+BASE = 'base'
+TIP = 'tip'
 AT_REST = 1e-6  # [m/s], [rad/s] of a yielding motion that is none
+
+_live = partial(param, live=True)
+
+
+@dataclass(frozen=True)
+class AdmittanceSettings:
+    """Mass, damping, stiffness and desired force for each direction, and when the arm stops.
+
+    Arrays have 3 values for a task velocity of 3 rows, 6 for one of 6: three directions, and the
+    rotations about them.
+
+    Raises:
+        RangeError: A value that is not allowed, or a direction without mass, damping and stiffness.
+        ArrayError: Arrays of different or other lengths.
+    """
+
+    enabled: bool = _live(False, 'yield to the measured wrench')
+    frame: str = _live(BASE, 'frame of the directions: base, tip or the name of a link')
+    mass: tuple[float, ...] = _live((0.0,) * 3, 'M_d [kg], [kg m^2]; 0: pure damping', 0.0, 1e4)
+    damping: tuple[float, ...] = _live((1000.0,) * 3, 'D_d [N s/m], [Nm s/rad]', 0.0, 1e6)
+    stiffness: tuple[float, ...] = _live(
+        (0.0,) * 3, 'K_d [N/m], [Nm/rad]; 0: no return to the commanded path', 0.0, 1e6
+    )
+    force: tuple[float, ...] = _live(
+        (0.0,) * 3, 'f_d, desired force and moment of the environment [N], [Nm]', -1e3, 1e3
+    )
+    force_limit: float = _live(
+        100.0, 'force above which the tip retreats and the arm holds [N]', 1.0, 1e4
+    )
+    wrench_timeout: float = _live(
+        0.05, 'age at which a wrench counts as stale and the arm holds [s]', 0.001, 10.0
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        rows = len(self.damping)
+        for name in ('mass', 'damping', 'stiffness', 'force'):
+            size = len(getattr(self, name))
+            if size != rows or size not in (3, 6):
+                raise ArrayError(f'{name} holds {size} values; expected 3 or 6, like damping')
+        for row in range(rows):
+            if not self.mass[row] + self.damping[row] + self.stiffness[row] > 0.0:
+                name = f'damping of direction {row + 1}'
+                raise RangeError(name, self.damping[row], 0.0, 1e6, 'not 0 alone')
+
+    @classmethod
+    def of_rows(cls, rows: int) -> Self:
+        """The defaults for a task velocity of 3 or 6 rows."""
+        if rows == 3:
+            return cls()
+        none = (0.0,) * rows
+        damping = (1000.0, 1000.0, 1000.0, 50.0, 50.0, 50.0)
+        return cls(mass=none, damping=damping, stiffness=none, force=none)
+
+    def check(self, rows: int) -> None:
+        """Raise ArrayError for settings of a task velocity with another number of rows."""
+        if len(self.damping) != rows:
+            raise ArrayError(
+                f'damping holds {len(self.damping)} values; expected {rows}, as many as dx has'
+            )
+
+    def desired_force(self, state: RobotState) -> np.ndarray:
+        """f_d in the axes of the base, (3,) [N]."""
+        return self._rotation(state) @ np.array(self.force[:3])
+
+    def rate(
+        self, wrench: Wrench, e: np.ndarray, de: TaskVelocity, T: Seconds, state: RobotState
+    ) -> TaskVelocity:
+        """The next de, for e (m,), the last de and a wrench, all in the axes of the base."""
+        R = self._rotation(state)
+        f = _turned(R.T, wrench[: len(e)])
+        e = _turned(R.T, e)
+        mass = np.array(self.mass) / T
+        stiffness = np.array(self.stiffness)
+        resistance = mass + np.array(self.damping) + stiffness * T
+        force = mass * _turned(R.T, de) + f - np.array(self.force) - stiffness * e
+        return _turned(R, force / resistance)
+
+    def _rotation(self, state: RobotState) -> Rotation:
+        """Of the frame of the directions."""
+        if self.frame == BASE:
+            return np.eye(3)
+        return state.rotation('' if self.frame == TIP else self.frame)
 
 
 class Admittance:
@@ -18,19 +109,15 @@ class Admittance:
         de_k = (M/T + D + K T)^-1 (M/T de_{k-1} + f - f_d - K e_{k-1})
 
     K > 0, f_d = 0 is an impedance; K = 0, f_d not 0 controls the force in that direction. Changes
-    of the settings, on and off, are faded: none is a jump.
-
-    Args:
-        settings: Initial settings.
-        T: Sampling time [s].
-        switch_time: Duration of a fade [s]; 0: at once.
+    of the settings, on and off, are faded over the switch time [s]: none is a jump.
     """
 
-    def __init__(self, settings: AdmittanceSettings, T: float, *, switch_time: float = 0.0) -> None:
-        settings.check(len(settings.damping), T)
+    def __init__(
+        self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
+    ) -> None:
         self.T = T
         self.switch_time = switch_time
-        self.settings = settings  # the requested ones
+        self.settings = settings  # the requested ones; during a fade they wait for its end
         self.restart()
 
     def restart(self) -> None:
@@ -40,38 +127,16 @@ class Admittance:
         self._faded = 1.0  # fraction of the fade that is over
         m = len(self.settings.damping)
         self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
-        self._de = np.zeros(m)  # its velocity in the last tick, (m,)
-
-    def rest(self) -> None:
-        """The arm is at rest, where it is."""
-        self._de = np.zeros(len(self._de))
+        self.de = np.zeros(m)  # its velocity in the last tick, (m,)
 
     @property
     def is_on(self) -> bool:
         """Whether it acts, or will."""
         return self.settings.enabled or self._new is not None or self._old is not None
 
-    @property
-    def moves(self) -> bool:
-        """Whether the tip yielded in the last tick."""
-        return bool((np.abs(self._de) > AT_REST).any())
-
-    def set_settings(self, settings: AdmittanceSettings) -> None:
-        """Go over to other settings; during a fade they wait for its end.
-
-        Raises ArrayError or RangeError for some that do not suit the task or the contact; those in
-        force then stay.
-        """
-        settings.check(len(self.settings.damping), self.T)
-        self.settings = settings
-
-    def rate(self, wrench: np.ndarray, state: RobotState) -> np.ndarray:
-        """de of this tick in the base frame, (m,) [m/s], [rad/s].
-
-        Args:
-            wrench: Force and moment that the environment exerts on the tip, in the axes of the
-                base, (6,) [N], [Nm].
-            state: State of the arm.
+    def rate(self, wrench: Wrench, state: RobotState) -> TaskVelocity:
+        """de of this tick in the base frame, for the wrench that the environment exerts on the tip,
+        in the axes of the base.
         """
         self._advance()
         new = self._rate_of(self._new, wrench, state)
@@ -80,25 +145,10 @@ class Admittance:
         c, _ = quintic(self._faded)
         return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
 
-    def velocity(self, dx: np.ndarray, wrench: np.ndarray, state: RobotState) -> np.ndarray:
-        """dx_d + de, (m,): the task velocity for the controller; then call record().
-
-        Args:
-            dx: Desired task velocity dx_d, (m,) [m/s], [rad/s].
-            wrench: See rate().
-            state: State of the arm.
-        """
-        return dx + self.rate(wrench, state)
-
-    def record(self, command: Command, dx: np.ndarray) -> None:
-        """Record what was executed: limits may have slowed it down.
-
-        Args:
-            command: Command of the controller at this tick.
-            dx: Desired task velocity dx_d, of which the limits leave the fraction s, (m,).
-        """
-        self._de = command.J @ command.dq - command.s * dx
-        self.e = self.e + self.T * self._de
+    def record(self, command: Command, dx: TaskVelocity) -> None:
+        """Record what was executed of the desired dx_d and of de: limits may have slowed it."""
+        self.de = command.J @ command.dq - command.s * dx
+        self.e = self.e + self.T * self.de
         if not self.is_on:
             self.e = np.zeros(len(self.e))
 
@@ -115,40 +165,13 @@ class Admittance:
         self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
 
     def _rate_of(
-        self, settings: AdmittanceSettings | None, wrench: np.ndarray, state: RobotState
-    ) -> np.ndarray:
-        """What settings ask for, (m,), under a wrench as of rate(); nothing while it is off."""
-        if settings is None:
+        self, settings: AdmittanceSettings | None, wrench: Wrench, state: RobotState
+    ) -> TaskVelocity:
+        if settings is None:  # off
             return np.zeros(len(self.e))
-        R = _rotation(settings.frame, state)
-        f = _turned(R.T, wrench[: len(self.e)])
-        e = _turned(R.T, self.e)
-        de = _turned(R.T, self._de)
-        mass = as_array(settings.mass) / self.T
-        damping = as_array(settings.damping)
-        stiffness = as_array(settings.stiffness)
-        resistance = mass + damping + stiffness * self.T
-        force = mass * de + f - as_array(settings.force) - stiffness * e
-        return _turned(R, force / resistance)
+        return settings.rate(wrench, self.e, self.de, self.T, state)
 
 
-def desired_force(settings: AdmittanceSettings, state: RobotState) -> np.ndarray:
-    """f_d in the axes of the base, (3,) [N].
-
-    Args:
-        settings: Its frame counts.
-        state: State of the arm.
-    """
-    return _rotation(settings.frame, state) @ as_array(settings.force[:3])
-
-
-def _rotation(frame: str, state: RobotState) -> np.ndarray:
-    """Orientation (3, 3) of the frame of the directions."""
-    if frame == BASE:
-        return np.eye(3)
-    return state.rotation('' if frame == TIP else frame)
-
-
-def _turned(R: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector (3,), or two of them (6,), from the axes of the orientation R (3, 3) into others."""
+def _turned(R: Rotation, vector: np.ndarray) -> np.ndarray:
+    """A vector (3,), or two of them (6,), from the axes of the orientation R into others."""
     return (vector.reshape(-1, 3) @ R.T).reshape(-1)

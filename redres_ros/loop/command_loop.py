@@ -8,9 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.contact.contact_control import ContactControl
-from redres_ros.contact.force_sensor import TareError
-from redres_ros.contact.settings import AdmittanceSettings
+from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
@@ -206,7 +204,7 @@ class CommandLoop:
                 'the arm yields to the force that a tare would change at once: hold it, or set '
                 'admittance.enabled to false first'
             )
-        self.measurements.tare(self._newest.q)
+        self.measurements.tare()
 
     # --- states and task velocities ---------------------------------------------------------------
 

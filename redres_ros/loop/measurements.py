@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.contact.contact_control import ContactControl
-from redres_ros.contact.settings import BASE
+from redres_ros.contact import BASE, ContactControl
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
@@ -68,9 +67,9 @@ class Measurements:
             return self.contact.warning
         return self.contact.sensor.problem
 
-    def tare(self, q: JointPositions) -> None:
+    def tare(self) -> None:
         """Take the measured wrench for the sensor's bias. Raises TareError."""
-        self.contact.sensor.tare(self._state(q))
+        self.contact.sensor.tare()
 
     def enter_wrench(
         self, stamp: Nanoseconds, wrench: Wrench, frame: str, time_of_day: Nanoseconds = 0

@@ -14,8 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from redres_ros.contact.contact_control import ContactControl
-from redres_ros.contact.settings import BASE, TIP, AdmittanceSettings
+from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.nodes.conversions import JointMapper
@@ -50,7 +49,7 @@ class Sensors:
         settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
         self._node = node
         self._model = model
-        settings.check(rows, T)
+        settings.check(rows)
         self.contact = ContactControl(settings, T, switch_time=switch_time)
         self.check({})
         self._joints = JointMapper(model.joint_names)
@@ -153,7 +152,7 @@ class Sensors:
             response.message = str(error)
             return response
         response.success = True
-        response.message = 'the measured wrench, less the weight of the payload, counts as zero'
+        response.message = 'the measured wrench counts as zero'
         return response
 
     def _changed(self, changes: dict[str, Any]) -> AdmittanceSettings:
