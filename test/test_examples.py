@@ -40,7 +40,7 @@ def test_the_first_motion_moves_the_tip_where_it_was_commanded() -> None:
     assert numbers(way) == pytest.approx([0.0, -0.2, 0.0], abs=1e-3)
 
 
-def test_of_two_laws_that_of_least_acceleration_accelerates_less() -> None:
+def test_two_laws_are_compared() -> None:
     velocity, acceleration = run('compare_two_laws').splitlines()
     assert numbers(acceleration)[0] < 0.2 * numbers(velocity)[0]
 

@@ -18,14 +18,8 @@ pytestmark = pytest.mark.nightly
 ROOT = Path(__file__).resolve().parents[1]
 # All that a build reads: the rest of a checkout may be large (virtual environments, results).
 PARTS = (
-    'setup.py',
-    'pyproject.toml',
-    'package.xml',
-    'resource',
-    'config',
-    'launch',
-    'scripts',
-    'redres_ros',
+    *('setup.py', 'pyproject.toml', 'package.xml'),
+    *('resource', 'config', 'launch', 'scripts', 'redres_ros'),
 )
 NODES = ('composed', 'controller', 'planner', 'sim')
 PROBE = """import sys
@@ -35,18 +29,16 @@ def main():
     print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')
 """
 FLAGS = ['--ros-args', '-p', 'words:=two words']
-NO_COLCON = importlib.util.find_spec('colcon_core') is None
 
 needs_colcon = pytest.mark.skipif(
-    NO_COLCON, reason="no colcon in this environment: pip install '.[test]' brings it"
+    importlib.util.find_spec('colcon_core') is None,
+    reason="no colcon in this environment: pip install '.[test]' brings it",
 )
 
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the project, so that building leaves nothing in the checkout; its nodes only print
-    their names.
-    """
+    """A copy of the project whose nodes only print their names."""
     copy = tmp_path_factory.mktemp('packaging') / 'redres_ros'
     copy.mkdir()
     for part in PARTS:
@@ -71,81 +63,44 @@ def colcon_prefix(request: pytest.FixtureRequest, source: Path) -> Path:
 
 @pytest.fixture(scope='module')
 def pip_prefix(source: Path) -> Path:
-    """The prefix into which pip has installed the package's wheel, as `pip install .` does with an
-    environment's.
-    """
+    """The prefix into which pip has installed the package's wheel."""
     copy, wheels, prefix = (source.parent / name for name in ('for_pip', 'wheels', 'prefix'))
     shutil.copytree(source, copy)
     pip = [sys.executable, '-m', 'pip']
-    # Without isolation and dependencies nothing is downloaded: this takes seconds, and works
-    # offline.
+    # Without isolation and dependencies nothing is downloaded.
     run(*pip, 'wheel', '-q', '--no-deps', '--no-build-isolation', '-w', wheels, copy)
-    run(
-        *pip,
-        'install',
-        '-q',
-        '--no-deps',
-        '--ignore-installed',
-        '--prefix',
-        prefix,
-        *wheels.glob('*.whl'),
-    )
+    options = ['-q', '--no-deps', '--ignore-installed', '--prefix', prefix]
+    run(*pip, 'install', *options, *wheels.glob('*.whl'))
     return prefix
 
 
 @needs_colcon
-def test_colcon_takes_the_package_for_ament_python(source):
-    name, _, kind = colcon(source.parent, 'list', '--base-paths', source).split()
-    assert (name, kind) == ('redres_ros', '(ros.ament_python)')
-
-
-@needs_colcon
-@pytest.mark.parametrize('name', NODES)
-def test_after_colcon_the_node_is_in_lib_and_runs_on_the_python_that_built_it(colcon_prefix, name):
-    node = colcon_prefix / 'lib' / 'redres_ros' / name
-    assert_executable(node)
-    assert_ran(run_sourced(colcon_prefix, node, *FLAGS), name, colcon_prefix.parents[1])
-
-
-@needs_colcon
-def test_after_colcon_the_command_redres_is_on_the_path(colcon_prefix):
+def test_after_colcon_nodes_command_and_shared_files_are_where_ros_looks(colcon_prefix):
+    for name in NODES:
+        node = colcon_prefix / 'lib' / 'redres_ros' / name
+        said = run_sourced(colcon_prefix, node, *FLAGS)
+        assert_ran(said, name, colcon_prefix.parents[1])
     assert run_sourced(colcon_prefix, 'which', 'redres').strip() == f'{colcon_prefix}/bin/redres'
-
-
-@pytest.mark.parametrize('name', NODES)
-def test_after_pip_the_node_is_in_lib_and_runs_on_its_environments_python(pip_prefix, name):
-    node = pip_prefix / 'lib' / 'redres_ros' / name
-    assert_executable(node)
-    # An environment that is not activated: its bin/ is not on the PATH.
-    said = run(node, *FLAGS, PATH='/usr/bin:/bin', PYTHONPATH=site_packages(pip_prefix))
-    assert_ran(said, name, pip_prefix)
-
-
-@needs_colcon
-def test_colcon_installs_the_marker_and_every_share_file(colcon_prefix):
     assert_share_files(colcon_prefix)
 
 
-def test_pip_installs_the_marker_and_every_share_file(pip_prefix):
+def test_after_pip_nodes_run_on_their_environments_python(pip_prefix):
+    for name in NODES:
+        node = pip_prefix / 'lib' / 'redres_ros' / name
+        # An environment that is not activated: its bin/ is not on the PATH.
+        said = run(node, *FLAGS, PATH='/usr/bin:/bin', PYTHONPATH=site_packages(pip_prefix))
+        assert_ran(said, name, pip_prefix)
+    # All packages of an environment share bin/.
+    commands = {path.name for path in (pip_prefix / 'bin').iterdir()}
+    assert commands == {'redres', *(f'redres_{name}' for name in NODES)}
+
+
+def test_pip_installs_every_file_that_is_no_module(pip_prefix):
     assert_share_files(pip_prefix)
-
-
-def test_pip_installs_every_robot_description(pip_prefix):
-    robots = Path('redres_ros', 'robots')
-    wanted = {path.name for path in (ROOT / robots).glob('*.urdf')}
-    assert wanted
-    assert {path.name for path in (site_packages(pip_prefix) / robots).glob('*.urdf')} == wanted
-
-
-def test_pip_informs_type_checkers_that_the_package_has_types(pip_prefix):
-    assert (site_packages(pip_prefix) / 'redres_ros' / 'py.typed').is_file()
-
-
-def test_pip_puts_only_names_that_begin_with_redres_into_the_shared_bin(pip_prefix):
-    assert {path.name for path in (pip_prefix / 'bin').iterdir()} == {
-        'redres',
-        *(f'redres_{name}' for name in NODES),
-    }
+    package = site_packages(pip_prefix) / 'redres_ros'
+    assert (package / 'py.typed').is_file()
+    wanted = {path.name for path in (ROOT / 'redres_ros' / 'robots').glob('*.urdf')}
+    assert {path.name for path in (package / 'robots').glob('*.urdf')} == wanted != set()
 
 
 def test_every_console_script_names_a_function_that_exists(pip_prefix):
@@ -157,21 +112,12 @@ def test_every_console_script_names_a_function_that_exists(pip_prefix):
 
 def test_setup_py_and_package_xml_say_the_same(pip_prefix):
     package = ElementTree.parse(ROOT / 'package.xml').getroot()
-    wheel = dict(
-        re.findall(
-            r'^([A-Z][\w-]+): (.*)$', metadata(pip_prefix, 'METADATA').read_text(), re.MULTILINE
-        )
-    )
-    assert wheel['Name'] == package.findtext('name')
-    assert wheel['Version'] == package.findtext('version')
+    text = metadata(pip_prefix, 'METADATA').read_text()
+    wheel = dict(re.findall(r'^([A-Z][\w-]+): (.*)$', text, re.MULTILINE))
     assert wheel['Summary'] == package.findtext('description')
-    assert wheel['License'] == package.findtext('license')
-    assert wheel['Maintainer'] == package.findtext('maintainer')
+    for name in ('Name', 'Version', 'License', 'Maintainer'):
+        assert wheel[name] == package.findtext(name.lower())
     assert wheel['Maintainer-email'] == package.find('maintainer').get('email')
-
-
-def assert_executable(path: Path) -> None:
-    assert path.is_file() and os.access(path, os.X_OK), f'{path} is missing or not executable'
 
 
 def assert_ran(said: str, name: str, folder: Path) -> None:
@@ -182,17 +128,13 @@ def assert_ran(said: str, name: str, folder: Path) -> None:
 
 
 def assert_share_files(prefix: Path) -> None:
-    assert (
-        prefix / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'redres_ros'
-    ).is_file()
-    files = [
-        ROOT / 'package.xml',
-        *filter(Path.is_file, (ROOT / 'config').rglob('*')),
-        *(ROOT / 'launch').rglob('*.py'),
-    ]
+    share = prefix / 'share'
+    assert (share / 'ament_index' / 'resource_index' / 'packages' / 'redres_ros').is_file()
+    folders = [*(ROOT / 'config').rglob('*'), *(ROOT / 'launch').rglob('*.py')]
+    files = [ROOT / 'package.xml', *filter(Path.is_file, folders)]
     assert len(files) > 2
     for file in files:
-        installed = prefix / 'share' / 'redres_ros' / file.relative_to(ROOT)
+        installed = share / 'redres_ros' / file.relative_to(ROOT)
         assert installed.read_bytes() == file.read_bytes()
 
 
@@ -207,44 +149,27 @@ def metadata(prefix: Path, name: str) -> Path:
 
 
 def colcon(workspace: Path, *arguments: object) -> str:
-    """What a colcon verb prints; it sees none of the user's own settings, and its logs go into the
-    workspace.
-    """
+    """What a colcon verb prints, with settings and logs of the workspace alone."""
     code = 'import sys; from colcon_core.command import main; sys.exit(main())'
-    return run(
-        sys.executable,
-        '-c',
-        code,
-        '--log-base',
-        workspace / 'log',
-        *arguments,
-        COLCON_HOME=workspace,
-    )
+    log = ['--log-base', workspace / 'log']
+    return run(sys.executable, '-c', code, *log, *arguments, COLCON_HOME=workspace)
 
 
 def run_sourced(colcon_prefix: Path, *command: object) -> str:
-    """What the command prints in a shell that has sourced the package, as install/setup.bash does
-    for a workspace.
-    """
-    return run(
-        'bash', '-c', '. "$0/share/redres_ros/package.bash" && exec "$@"', colcon_prefix, *command
-    )
+    """What the command prints in a shell that has sourced the package."""
+    source = '. "$0/share/redres_ros/package.bash" && exec "$@"'
+    return run('bash', '-c', source, colcon_prefix, *command)
 
 
 def run(*command: object, **variables: object) -> str:
-    """What the command prints, with these environment variables changed. Fails, and shows all
-    output, if it fails.
-    """
-    environment = os.environ | {name: str(value) for name, value in variables.items()}
+    """What the command prints, with these environment variables changed."""
     done = subprocess.run(
         list(map(str, command)),
-        env=environment,
+        env=os.environ | {name: str(value) for name, value in variables.items()},
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
     )
-    assert done.returncode == 0, (
-        f'{command} ended with {done.returncode}:\n{done.stdout}{done.stderr}'
-    )
+    assert done.returncode == 0, f'{command}: {done.returncode}\n{done.stdout}{done.stderr}'
     return done.stdout

@@ -45,11 +45,6 @@ def run_blocked(
     )
 
 
-def test_the_block_blocks():
-    assert 'blocked: rclpy' in run_blocked('import rclpy').stderr
-    assert 'blocked: sensor_msgs' in run_blocked('from sensor_msgs.msg import JointState').stderr
-
-
 def test_a_pinocchio_that_is_too_old_is_named_in_one_line():
     old = "import pinocchio as pin; pin.__version__ = '2.7.0'; del pin.Model.armature\n"
     result = run_blocked(old + REDRES, 'simulate')
@@ -80,10 +75,6 @@ def test_a_simulation_runs_without(libraries, tmp_path):
     result = run_blocked(REDRES, 'simulate', *options, libraries=libraries)
     assert result.returncode == 0, result.stderr
     assert 'reached the last point' in result.stdout
-
-
-def test_laws_are_listed_without_the_tools():
-    assert 'minimum_acceleration' in run_blocked(REDRES, 'laws', libraries=TOOLS).stdout
 
 
 @pytest.mark.parametrize('command', by_day(1, ['demo', 'watch']))
