@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,10 +43,13 @@ _CROSS = np.array(
 )
 
 
+_NOTHING: Mapping[str, np.ndarray] = {}  # no mappingproxy: controllers are pickled
+
+
 class TickContext(NamedTuple):
     """What a tick needs besides the state of the arm."""
 
-    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # that are fresh, by name
+    measurements: Mapping[str, np.ndarray] = _NOTHING  # that are fresh, by name
     gap: Cycles = 1  # between two commands, in which every joint must be able to stop
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
     correction: TaskVelocity | None = None  # the part of dx that only holds what must not move

@@ -276,7 +276,7 @@ def test_preferences_are_changed_without_a_jump(model, task):
     q = task.start
     for _ in range(400):
         q = controller.update(q, DX).q_ref
-    controller.set_preferences((JointCentering(gain=1000.0),))
+    controller.set_policy(replace(controller.policy, preferences=(JointCentering(gain=1000.0),)))
     changed = [controller.update(q, DX) for _ in range(250)]
     assert np.linalg.norm(changed[0].ddq) < 0.5  # at once it would be 11 rad/s^2
     assert np.linalg.norm(changed[-1].null) > 0.1

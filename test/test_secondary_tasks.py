@@ -263,7 +263,7 @@ def test_an_unknown_task_is_refused_with_those_that_exist(model):
 def test_a_task_of_what_the_arm_has_not_got_is_refused_before_it_is_in_force(model, task, lower):
     controller = Controller(model, make_law('minimum_velocity'), T)
     with pytest.raises(UnknownNameError, match="'knee'; allowed: "):
-        controller.set_secondary_tasks((lower,))
+        controller.set_policy(replace(controller.policy, secondary_tasks=(lower,)))
     controller.update(task.start, np.zeros(3))
     with pytest.raises(UnknownNameError, match="'knee'; allowed: "):
         Controller(model, make_law('minimum_velocity'), T, secondary_tasks=(lower,))
@@ -287,7 +287,7 @@ def test_a_direction_of_no_length_is_refused(cls):
 def test_tasks_are_changed_without_a_jump(model, task):
     controller = Controller(model, make_law('minimum_velocity'), T, switch_time=0.5)
     q = follow(controller, task.start, 1.0)
-    controller.set_secondary_tasks(('orientation',))
+    controller.set_policy(replace(controller.policy, secondary_tasks=(Orientation(),)))
     first = controller.update(q, DX)
     assert np.linalg.norm(first.ddq) < 0.5
     follow(controller, first.q_ref, 1.0)
@@ -298,7 +298,7 @@ def test_a_task_added_on_the_way_holds_what_it_finds(model, task):
     controller = Controller(model, make_law('minimum_velocity'), T)
     q = follow(controller, task.start, 0.5)
     _, R = model.tip(q)
-    controller.set_secondary_tasks(('orientation',))
+    controller.set_policy(replace(controller.policy, secondary_tasks=(Orientation(),)))
     _, R_end = model.tip(follow(controller, q, 0.5))
     assert np.linalg.norm(rotation_vector(R @ R_end.T)) < 1e-3
 
