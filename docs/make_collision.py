@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.limits.clearance import CollisionLimit
+from redres_ros.limits.distance import CollisionLimit
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
@@ -20,6 +20,7 @@ T = 0.01  # sampling time [s]
 LAW = 'minimum_acceleration'
 JOINTS = ('position', 'velocity', 'acceleration')
 SPHERE = (0.463, 0.0, -0.343, 0.05)  # centre and radius [m]
+OBSTACLE = ' '.join(('sphere', *map(str, SPHERE)))
 SNAPSHOTS = 14
 LINKS = ('link_1', 'link_2', 'link_3', 'link_4', 'tool0')
 
@@ -29,7 +30,7 @@ def main() -> None:
     task = load_task('planar4r_hexagon')
     model = RobotModel.named(task.robot)
     law = make_law(LAW)
-    kept = CollisionLimit(model, spheres=SPHERE)
+    kept = CollisionLimit(model, obstacles=OBSTACLE)
     runs = {
         'joint limits': (JOINTS, '0.6'),
         'joint limits and collision': ((*JOINTS, kept), law_colour(LAW)),
@@ -61,11 +62,10 @@ def draw_arm(ax: Axes, model: RobotModel, recording: Recording, color: str) -> N
 
 def distances(model: RobotModel, recording: Recording) -> np.ndarray:
     """Of the arm from the sphere, (ticks,) [m]."""
-    seen = CollisionLimit(model, spheres=SPHERE, influence=1.0, clearance=0.0)
-    still = np.zeros(model.n)
+    seen = CollisionLimit(model, obstacles=OBSTACLE)
     found = []
     for q in recording.vectors('q1'):
-        _, distance, who = seen.near(model.state(q, still))
+        _, distance, who = seen.approaches(q, 1.0)
         found.append(distance[who[:, 1] >= len(seen.bodies.links)].min())
     return np.array(found)
 

@@ -148,7 +148,7 @@ class Controller:
         self.robot_interface = robot_interface
         self._integrate_from = integrate_from
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
-        self._tick = TickContext()
+        self._tick = TickContext(lost=robot_interface.lost)
         self._prepared: tuple[Plan, bytes] | None = None  # and the dx that it is for
         self._holds = False  # after hold()
         self._follows_joints = False

@@ -45,6 +45,8 @@ class RobotInterface:
     Attributes:
         bridging: What it does in a cycle without a command: 'hold' the last one, or continue at
             constant 'velocity' or 'acceleration'.
+        lost: Commands that may get lost until three in a row have come, whose bridging at constant
+            acceleration must not look like a jerk to the robot.
         restart_after: Cycles without a state after which the controller restarts from the measured
             position.
         following_tolerance: Following error at which an arm counts as stopped.
@@ -53,6 +55,7 @@ class RobotInterface:
     """
 
     bridging: str
+    lost: Cycles = 0
     restart_after: Cycles = 5
     following_tolerance: Radians = 0.1
     patience: Seconds = 0.0
@@ -91,7 +94,7 @@ class RobotInterface:
 
 ROBOT_INTERFACES: dict[str, RobotInterface] = {
     'fri': RobotInterface('velocity'),
-    'fci': RobotInterface('acceleration', restart_after=19),
+    'fci': RobotInterface('acceleration', lost=3, restart_after=19),
     'ros2_control': RobotInterface('hold', forwards_commands=True),
     'sim': RobotInterface('velocity', patience=5.0),  # the node sim, whose clock waits
 }

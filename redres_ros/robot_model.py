@@ -53,6 +53,7 @@ class TickContext(NamedTuple):
     gap: Cycles = 1  # between two commands, in which every joint must be able to stop
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
     correction: TaskVelocity | None = None  # the part of dx that only holds what must not move
+    lost: Cycles = 0  # commands that the robot may lose and bridge at constant acceleration
 
 
 _USUAL = TickContext()

@@ -10,7 +10,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.limits.shapes import touched
+from redres_ros.limits.scene import WALLS, read_shapes, touched
 from redres_ros.nodes.markers import Markers, show_obstacles, take_workspace
 
 PERIOD = 2_000_000  # [ns] between two states
@@ -91,8 +91,7 @@ def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -
     node = Listened()
     parameters = {
         'limits': ['position'],
-        'collision.spheres': [0.5, 0.1, 0.4, 0.1, 0.0, 0.0, 0.0, 0.0],  # radius 0: none
-        'collision.floor': 0.0,
+        'scene.obstacles': 'floor 0; sphere 0.5 0.1 0.4 0.1',
     }
     node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])
     show_obstacles(node, 'world')
@@ -132,15 +131,20 @@ class WithParameters(Listened):
 
     def __init__(self) -> None:
         super().__init__()
-        self.values: dict[str, list[float]] = {}
+        self.walls = 'half_space 0 0 1 0.9; inside_sphere 0 0 0 1'
         self.warnings: list[str] = []
 
     def create_subscription(self, _: type, topic: str, callback: object, qos: object) -> None:
         assert topic == 'workspace'
         self.hand_in = callback
 
+    def get_parameter(self, name: str) -> SimpleNamespace:
+        assert name == 'scene.walls'
+        return SimpleNamespace(value=self.walls)
+
     def set_parameters(self, parameters: list[Parameter]) -> list[SimpleNamespace]:
-        self.values = {parameter.name: list(parameter.value) for parameter in parameters}
+        assert [parameter.name for parameter in parameters] == ['scene.walls']
+        self.walls = parameters[0].value
         return [SimpleNamespace(successful=True, reason='')] * len(parameters)
 
     def get_logger(self) -> SimpleNamespace:
@@ -160,12 +164,14 @@ def test_the_workspace_is_taken_from_markers() -> None:
     box = shape('inside', Marker.CUBE, (0.5, 0.0, 0.5), (0.4, 0.6, 0.2))
     ball = shape('outside', Marker.SPHERE, (0.1, 0.2, 0.3), (0.2, 0.2, 0.2))
     node.hand_in(MarkerArray(markers=[box, ball]))
-    boxes = node.values['workspace.inside_boxes']
-    assert boxes == pytest.approx([0.3, -0.3, 0.4, 0.7, 0.3, 0.6])
-    assert node.values['workspace.outside_spheres'] == pytest.approx([0.1, 0.2, 0.3, 0.1])
-    assert node.values['workspace.inside_spheres'] == [0.0] * 4  # none
+    kept, inside, outside = read_shapes(node.walls, WALLS)
+    assert kept.kind == 'half_space'
+    assert inside.kind == 'inside_box'
+    assert inside.numbers == pytest.approx((0.3, -0.3, 0.4, 0.7, 0.3, 0.6))
+    assert outside.kind == 'outside_sphere'
+    assert outside.numbers == pytest.approx((0.1, 0.2, 0.3, 0.1))
     node.hand_in(MarkerArray())
-    assert not any(map(any, node.values.values()))
+    assert read_shapes(node.walls, WALLS) == [kept]
 
 
 @pytest.mark.parametrize(
@@ -180,5 +186,5 @@ def test_a_marker_that_is_no_wall_changes_nothing(marker: Marker, words: str) ->
     node = WithParameters()
     take_workspace(node, 'world')
     node.hand_in(MarkerArray(markers=[marker]))
-    assert node.values == {}
+    assert node.walls == WithParameters().walls
     assert words in node.warnings[0]

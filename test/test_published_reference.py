@@ -184,9 +184,9 @@ def held(**controller: Any) -> Iterator[Arm]:
         yield arm
 
 
-def sphere_at(x: np.ndarray) -> list[float]:
+def sphere_at(x: np.ndarray) -> str:
     """An obstacle with its middle at x (3,) [m]."""
-    return [*x.tolist(), 0.1]
+    return f'sphere {x[0]} {x[1]} {x[2]} 0.1'
 
 
 def make_too_heavy(arm: Arm) -> None:
@@ -197,7 +197,7 @@ def make_too_heavy(arm: Arm) -> None:
 def put_an_obstacle_at_the_tip(arm: Arm) -> None:
     """Make the tip collide."""
     x, _ = RobotModel(ARM).tip(arm.reference)
-    assert arm.run.set('controller', **{'collision.spheres': sphere_at(x)}, **IN_AN_OBSTACLE)
+    assert arm.run.set('controller', **{'scene.obstacles': sphere_at(x)}, **IN_AN_OBSTACLE)
 
 
 def shift_an_encoder(arm: Arm) -> None:

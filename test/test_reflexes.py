@@ -4,6 +4,7 @@ A Franka arm at 1000 Hz, whose client commands a motion that each test continues
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -16,6 +17,7 @@ from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.profile import Reflex
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
+from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop
@@ -223,7 +225,8 @@ def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
         T,
         switch_time=0.3,
         limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
-        limit_gains={'jerk.lost': 3 if lost else 0, 'acceleration.reach': 0.02},
+        limit_gains={'acceleration.reach': 0.02},
+        robot_interface=replace(ROBOT_INTERFACES['fci'], lost=3 if lost else 0),
     )
     recording = closed_loop.run(controller, load_task(find_arm('fr3').task), greedy=False)
     assert recording.finished

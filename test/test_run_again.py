@@ -166,7 +166,7 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
         x, _ = model.tip(middle)
         changes = {
             'limits': ['position', 'velocity', 'acceleration', 'collision'],
-            'collision.spheres': [*x.tolist(), 0.05],
+            'scene.obstacles': f'sphere {x[0]} {x[1]} {x[2]} 0.05',
         }
         set_parameters(run, **changes)
         run.run(0.5)

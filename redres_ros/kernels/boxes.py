@@ -1,7 +1,7 @@
-"""The boxes of joint limits, compiled: which velocities of a joint a limit allows."""
+"""The box of the joint limits, compiled: which velocities each joint may take."""
 
 import numpy as np
-from numba import boolean, float64, int64, types
+from numba import boolean, float64, from_dtype, int64, types
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
@@ -12,73 +12,69 @@ _ENOUGH = 1e-11  # [rad] within which the end of a braking is found
 _MOST_GUESSES = 60
 _LEAST_ACCELERATION = 0.1  # of the limit, which is left however many commands may get lost
 
-# What a limit is, and what its figures (3, n) are then.
-ACCELERATION = 0  # A [rad/s^2], and the arm's own, with which a joint may brake where it has to
-VELOCITY = 1  # V [rad/s]
-POSITION = 2  # q_min, q_max [rad], A [rad/s^2]
-GIVEN = 3  # the box itself, lower and upper [rad/s]
-JERK = 4  # J [rad/s^3], A [rad/s^2], and the changes J T by which A is lowered
+# The limits of a joint, infinite where there is none. Position limits come twice: the ends of the
+# range, and what the robot allows near them.
+JOINT_LIMITS = np.dtype(
+    [
+        ('J', float),  # [rad/s^3]
+        ('A_jerk', float),  # [rad/s^2] that goes with the limit on the jerk
+        ('A', float),  # [rad/s^2]
+        ('A_arm', float),  # [rad/s^2] with which a joint may brake where it has to; 0: A
+        ('V', float),  # [rad/s]
+        ('lower', float, 2),  # [rad]
+        ('upper', float, 2),
+        ('A_stop', float, 2),  # [rad/s^2] with which the joint stops before these ends
+    ]
+)
+NO_LIMITS = (np.inf, np.inf, np.inf, 0.0, np.inf, (-np.inf,) * 2, (np.inf,) * 2, (np.inf,) * 2)
 
-_FIGURES = types.Array(types.float64, 3, 'C')
+# The boxes in which joint limits are kept, in this order.
+JERK = 0
+ACCELERATION = 1
+VELOCITY = 2
+POSITION = 3
+END_SPEED = 4
+BOXES = 5
 
 
 @part
 def _speed_to_stop(d: float, A: float, T: float, first: float) -> float:
-    """As stopping_speed(), for a joint that goes on at its speed for some ticks before it brakes.
-
-    Args:
-        d: As of stopping_speed().
-        A: The same.
-        T: The same.
-        first: These ticks, at least 1; not of a joint that comes back.
+    """As stopping_speed(), for a joint that goes on at its speed for `first` ticks, 1 at least,
+    before it brakes; for one in a joint that comes back.
     """
     if not np.isfinite(d):
         return d
     if d < 0.0:
         first = 1.0
-    way = abs(d)
+    distance = abs(d)
     if not np.isfinite(A):
         return d / (first * T)
     step = A * T
     h = 2.0 * first - 1.0
-    N = np.floor((np.sqrt(h * h + 8.0 * way / (step * T)) - h) / 2.0)  # ticks beside the first
-    return np.copysign((way / T + step * N * (N + 1.0) / 2.0) / (first + N), d)
+    N = np.floor((np.sqrt(h * h + 8.0 * distance / (step * T)) - h) / 2.0)  # beside the first
+    return np.copysign((distance / T + step * N * (N + 1.0) / 2.0) / (first + N), d)
 
 
 @compiled(float64(float64, float64, float64))
 def stopping_speed(d: float, A: float, T: float) -> float:
-    """beta(d), the largest speed from which a joint stops within the distance d.
+    """beta(d), the largest speed [rad/s] from which a joint stops within the distance d [rad].
 
     It goes on at this speed for one tick, and is then slower by A T in every further one. The usual
     sqrt(2 A d) is its limit for T -> 0. For d < 0 it is -beta(-d): the joint comes back at the
-    speed from which it stops at the limit.
-
-    Args:
-        d: distance to the limit [rad]; it may be infinite.
-        A: acceleration [rad/s^2]; infinite for a joint that stops at once.
-        T: sampling time [s].
-
-    Returns:
-        The speed [rad/s].
+    speed from which it stops at the limit. d and A [rad/s^2] may be infinite.
     """
     return _speed_to_stop(d, A, T, 1.0)
 
 
 @compiled(float64(*(float64,) * 5))
 def _braking_distance(v: float, a: float, A: float, J: float, T: float) -> float:
-    """How far a joint gets at most when it brakes as hard as it may, [rad]; 0 if it recedes.
+    """How far a joint gets at most when it brakes as hard as A and J allow, [rad]; 0 if it recedes.
 
-    Each tick changes the acceleration by J T at most. A joint comes to rest without acceleration if
-    its deceleration is always at most stopping_speed(v, J, T): for velocity and acceleration this
-    is what the stopping speed is for position and velocity. What the braking does after its first
-    tick is the braking of the state after that tick: if one stops in time, so can the next tick.
-
-    Args:
-        v: Its velocity towards the end [rad/s].
-        a: The acceleration in the tick before [rad/s^2].
-        A: Largest acceleration [rad/s^2].
-        J: Largest jerk [rad/s^3].
-        T: Sampling time [s].
+    v is its velocity towards the end, a the acceleration in the tick before. Each tick changes the
+    acceleration by J T at most. A joint comes to rest without acceleration if its deceleration is
+    always at most stopping_speed(v, J, T): for velocity and acceleration this is what the stopping
+    speed is for position and velocity. What the braking does after its first tick is the braking of
+    the state after that tick: if one stops in time, so can the next tick.
     """
     h = J * T
     d = 0.0
@@ -102,17 +98,11 @@ def _braking_distance(v: float, a: float, A: float, J: float, T: float) -> float
 
 
 @part
-def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float, first: float) -> float:
-    """By how much a joint that takes a velocity stops beyond the end, [rad]; negative: before.
-
-    Args:
-        dq: The velocity [rad/s].
-        d: Distance to the end now [rad].
-        dq_prev: The last velocity [rad/s].
-        A: Largest acceleration [rad/s^2].
-        J: Largest jerk [rad/s^3].
-        T: Sampling time [s].
-        first: Ticks for which it goes on at that velocity.
+def _overshoot(
+    dq: float, d: float, dq_prev: float, A: float, J: float, T: float, first: float
+) -> float:
+    """By how much a joint that goes on at dq for `first` ticks stops beyond the end, which is d
+    away, [rad]; negative: before.
     """
     a = (dq - dq_prev) / T
     left = d - first * T * dq
@@ -134,21 +124,10 @@ def _largest_speed(
     T: float,
     first: float,
 ) -> float:
-    """The largest velocity in [lower, upper] from which a joint stops before the end, [rad/s].
+    """The largest velocity in [lower, upper] from which a joint stops before the end, [rad/s];
+    infinity if it does from all of them, -infinity if from none.
 
-    Args:
-        d: Distance to the end [rad].
-        lower: The least that other limits allow [rad/s].
-        upper: The largest [rad/s].
-        dq_prev: The last velocity [rad/s].
-        A: Largest acceleration [rad/s^2].
-        J: Largest jerk [rad/s^3].
-        T: Sampling time [s].
-        first: Ticks for which it goes on at a velocity before it brakes.
-
-    Returns:
-        The velocity; infinity if all do, -infinity if none does. Beyond the end, the velocity
-        with which the joint comes back so that it stops there.
+    Beyond the end, d < 0, it is the one with which the joint comes back so that it stops there.
     """
     side = 1.0
     if d < -_ENOUGH / T:
@@ -159,18 +138,18 @@ def _largest_speed(
         most = -lower
         lower = -upper
         upper = most
-    beyond = stops(upper, d, dq_prev, A, J, T, first)
+    beyond = _overshoot(upper, d, dq_prev, A, J, T, first)
     if not beyond > 0.0:
         return side * np.inf
-    before = stops(lower, d, dq_prev, A, J, T, first)
+    before = _overshoot(lower, d, dq_prev, A, J, T, first)
     if before > 0.0:
         return side * (lower if before < _ENOUGH else -np.inf)
     for count in range(_MOST_GUESSES):  # Illinois, and bisection every third time
         if T * (upper - lower) < _ENOUGH:
             break
-        share = 0.5 if count % 3 == 2 else before / (before - beyond)
-        guess = lower + min(max(share, 0.01), 0.99) * (upper - lower)
-        value = stops(guess, d, dq_prev, A, J, T, first)
+        fraction = 0.5 if count % 3 == 2 else before / (before - beyond)
+        guess = lower + min(max(fraction, 0.01), 0.99) * (upper - lower)
+        value = _overshoot(guess, d, dq_prev, A, J, T, first)
         if value > 0.0:
             upper = guess
             beyond = value
@@ -181,97 +160,26 @@ def _largest_speed(
 
 
 @inlined
-def _box_of_joint(
-    kind: int,
-    figures: np.ndarray,
-    k: int,
-    i: int,
-    q: float,
-    last: tuple[float, float],
-    jerk: tuple[float, float, float],
-    box: tuple[float, float],
-    T: float,
-    gap: float,
-    first: float,
-) -> tuple[float, float]:
-    """The least and the largest velocity of joint i under one limit [rad/s].
-
-    Args:
-        kind: What the limit is.
-        figures: Of all limits, (k, 3, n).
-        k: The limit.
-        i: The joint.
-        q: Its position [rad].
-        last: Its last velocity [rad/s] and acceleration [rad/s^2].
-        jerk: The largest one [rad/s^3], infinite without a limit on it, and the largest
-            acceleration [rad/s^2] that goes with it; by how much that is lowered [rad/s^2].
-        box: What the limits before allow [rad/s].
-        T: Sampling time [s].
-        gap: As of fill_boxes().
-        first: Gaps until the next command, at most.
-    """
-    dq_prev, ddq_prev = last
-    J, A_most, lowered = jerk
-    if kind == JERK:  # |ddq - ddq_prev| <= J T
-        least = max(ddq_prev - J * T, min(-A_most, ddq_prev + J * T))
-        most = min(ddq_prev + J * T, max(A_most, ddq_prev - J * T))
-        return dq_prev + T * least, dq_prev + T * most
-    if kind == ACCELERATION:  # |dq - dq_prev| <= A T
-        reach = T * figures[k, 0, i]
-        return dq_prev - reach, dq_prev + reach
-    if kind == VELOCITY and J < np.inf:  # the acceleration comes to zero before the velocity to V
-        V = figures[k, 0, i] - T * lowered
-        least = dq_prev - T * stopping_speed(V + dq_prev, J, T)
-        return least, dq_prev + T * stopping_speed(V - dq_prev, J, T)
-    if kind == VELOCITY:  # |dq| <= V
-        return -figures[k, 0, i], figures[k, 0, i]
-    if kind == POSITION:  # -beta(q - q_min) <= dq <= beta(q_max - q)
-        # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
-        # within d from the speed from which it otherwise stops within d / gap.
-        below = (q - figures[k, 0, i]) / gap
-        above = (figures[k, 1, i] - q) / gap
-        A = min(figures[k, 2, i], A_most)
-        if J < np.inf:
-            lower, upper = box
-            least = -_largest_speed(below, -upper, -lower, -dq_prev, A, J, T, first)
-            return least, _largest_speed(above, lower, upper, dq_prev, A, J, T, first)
-        return -_speed_to_stop(below, A, T, first), _speed_to_stop(above, A, T, first)
-    return figures[k, 0, i], figures[k, 1, i]
-
-
-@inlined
 def _narrowed(lower: float, upper: float, least: float, most: float) -> tuple[float, float]:
     """The part of [lower, upper] in [least, most]; where they are apart, the nearest point."""
     return min(max(least, lower), upper), max(min(most, upper), lower)
 
 
 @part
-def saved(
-    lower: float,
-    upper: float,
-    margin: tuple[float, float],
-    dq_prev: float,
-    hardest: float,
-    T: float,
+def _widened(
+    lower: float, upper: float, below: float, above: float, v: float, A: float, T: float
 ) -> tuple[float, float]:
-    """[lower, upper], wider where a joint leaves its range unless it brakes harder than that.
+    """[lower, upper], wider where a joint leaves its range unless it brakes with more, with A.
 
-    So it is where limits have become narrower while the joint was fast.
-
-    Args:
-        lower: Of what the acceleration that is allowed lets it do [rad/s].
-        upper: The same.
-        margin: To the lower and to the upper end of the range [rad].
-        dq_prev: The last command [rad/s].
-        hardest: Acceleration that the arm is able to [rad/s^2].
-        T: Sampling time [s].
+    So it is where limits have become narrower while the joint was fast. v is its last command,
+    `below` and `above` are its distances from the ends.
     """
-    least = -stopping_speed(margin[0], hardest, T)
-    most = stopping_speed(margin[1], hardest, T)
+    least = -stopping_speed(below, A, T)
+    most = stopping_speed(above, A, T)
     if most < lower:
-        lower = min(lower, max(dq_prev - T * hardest, most, 0.0))
+        lower = min(lower, max(v - T * A, most, 0.0))
     elif least > upper:
-        upper = max(upper, min(dq_prev + T * hardest, least, 0.0))
+        upper = max(upper, min(v + T * A, least, 0.0))
     return lower, upper
 
 
@@ -288,8 +196,9 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 @direct
 @compiled(
     several(boolean, boolean)(
-        *(vector(), vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES),
-        *(float64, float64),
+        *(vector(), vector(), vector(), vector(), float64),
+        *(types.Array(from_dtype(JOINT_LIMITS), 1, 'C'), float64[:, :, ::1]),
+        *(float64, float64, float64),
     )
 )
 def fill_boxes(
@@ -298,28 +207,25 @@ def fill_boxes(
     dq_prev: np.ndarray,
     ddq_prev: np.ndarray,
     T: float,
-    kinds: np.ndarray,
-    figures: np.ndarray,
+    limits: np.ndarray,
     boxes: np.ndarray,
     gap: float,
     longest_gap: float,
+    lost: float,
 ) -> tuple[bool, bool]:
-    """Write the box of each limit, and last the one that is in all of them.
+    """Write the box of each limit of the joints (n,), and last the one that is in all of them, into
+    boxes (BOXES + 1, 2, n).
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
     allow. Only where it would leave its range it brakes as hard as the arm is able to.
 
-    Args:
-        dq: (n,) [rad/s] a velocity.
-        q: (n,) [rad].
-        dq_prev: (n,) [rad/s] the last command.
-        ddq_prev: (n,) [rad/s^2] its acceleration.
-        T: Sampling time [s].
-        kinds: (k,) what each limit is.
-        figures: (k, 3, n) of each limit.
-        boxes: (k + 1, 2, n) receives them.
-        gap: Cycles between two commands, with which a joint must be able to stop.
-        longest_gap: Cycles until the next command, at most.
+    A robot that bridges so many lost commands with constant acceleration sees a jump in the next
+    one. It extrapolates from velocity and acceleration as it has seen them, whose errors are those
+    of the position, once and twice differenced. The worst is that every other command gets lost:
+    each one then triples the error before it. J, A and V are lowered for that.
+
+    A joint must be able to stop with `gap` cycles between two commands, and `longest_gap` until the
+    next one; `lost` commands may get lost at short notice.
 
     Returns:
         Whether they have something in common in every joint; and whether dq is in all of them.
@@ -327,36 +233,61 @@ def fill_boxes(
     meet = True
     inside = True
     first = max(longest_gap / gap, 1.0)  # of these cycles, before the next command
+    tripled = 3.0**lost
     for i in range(len(q)):
+        limit = limits[i]
+        v = dq_prev[i]
+        a = ddq_prev[i]
         lower = -np.inf
         upper = np.inf
-        hardest = 0.0
-        last = (dq_prev[i], ddq_prev[i])
-        J = np.inf
+        J = limit.J / ((3.0 * tripled - 1.0) / 2.0)
         A_most = np.inf
-        lowered = 0.0
-        for k in range(len(kinds)):
-            if kinds[k] == JERK:
-                J = figures[k, 0, i]
-                A = figures[k, 1, i]
-                lowered = figures[k, 2, i] * J * T
-                A_most = max(A - lowered, _LEAST_ACCELERATION * A)
-            box = (lower, upper)
-            least, most = _box_of_joint(
-                kinds[k], figures, k, i, q[i], last, (J, A_most, lowered), box, T, gap, first
-            )
+        V = limit.V
+        if J < np.inf:
+            lowered = (tripled - 1.0) * J * T
+            A_most = max(limit.A_jerk - lowered, _LEAST_ACCELERATION * limit.A_jerk)
+            V -= T * lowered
+        for k in range(BOXES):
+            least = -np.inf
+            most = np.inf
+            end = max(k - POSITION, 0)
+            if k == JERK:  # |ddq - ddq_prev| <= J T
+                if J < np.inf:
+                    least = v + T * max(a - J * T, min(-A_most, a + J * T))
+                    most = v + T * min(a + J * T, max(A_most, a - J * T))
+            elif k == ACCELERATION:  # |dq - dq_prev| <= A T
+                least = v - T * limit.A
+                most = v + T * limit.A
+            elif k == VELOCITY and J < np.inf:  # ddq comes to zero before the velocity to V
+                least = v - T * stopping_speed(V + v, J, T)
+                most = v + T * stopping_speed(V - v, J, T)
+            elif k == VELOCITY:  # |dq| <= V
+                least = -V
+                most = V
+            elif limit.lower[end] > -np.inf or limit.upper[end] < np.inf:
+                # -beta(q - q_min) <= dq <= beta(q_max - q)
+                # Each command changes a velocity by A T. With one command in `gap` cycles a joint
+                # stops within d from the speed from which it otherwise stops within d / gap.
+                below = (q[i] - limit.lower[end]) / gap
+                above = (limit.upper[end] - q[i]) / gap
+                A = min(limit.A_stop[end], A_most)
+                if J < np.inf:
+                    least = -_largest_speed(below, -upper, -lower, -v, A, J, T, first)
+                    most = _largest_speed(above, lower, upper, v, A, J, T, first)
+                else:
+                    least = -_speed_to_stop(below, A, T, first)
+                    most = _speed_to_stop(above, A, T, first)
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
-            if kinds[k] == ACCELERATION:
-                hardest = figures[k, 1, i]
             is_apart = least > upper + _TOUCHING or most < lower - _TOUCHING
             meet = meet and not is_apart
-            if is_apart and kinds[k] == POSITION and J == np.inf:
-                margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
-                lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
+            if is_apart and k >= POSITION and J == np.inf:
+                below = q[i] - limit.lower[end]
+                above = limit.upper[end] - q[i]
+                lower, upper = _widened(lower, upper, below, above, v, limit.A_arm, T)
             lower, upper = _narrowed(lower, upper, least, most)
-        boxes[-1, 0, i] = lower
-        boxes[-1, 1, i] = upper
+        boxes[BOXES, 0, i] = lower
+        boxes[BOXES, 1, i] = upper
         if not lower <= dq[i] <= upper:
             inside = False
     return meet, inside
@@ -381,21 +312,10 @@ def admit(
     admitted: np.ndarray,
     dq: np.ndarray,
 ) -> int:
-    """Write the reference that the robot may get, and its velocity.
+    """Write the reference that a robot at p with the velocity v may get into `admitted`, and its
+    velocity into dq, both (n,), for a proposed q_ref.
 
     A joint that is faster than V may not get faster; one outside its range may only come back.
-
-    Args:
-        q_ref: The reference that is proposed, (n,) [rad].
-        p: Where the robot is, (n,) [rad].
-        v: Its velocity, (n,) [rad/s].
-        T: Sampling time [s].
-        V: (n,) [rad/s].
-        A: (n,) [rad/s^2].
-        q_min: (n,) [rad].
-        q_max: (n,) [rad].
-        admitted: Receives the reference, (n,) [rad].
-        dq: Receives its velocity, (n,) [rad/s].
 
     Returns:
         The number of the first joint that is changed, or cannot stop within its range any more;

@@ -1,4 +1,5 @@
-"""Distances of bodies and walls, and how joint velocities change them, compiled.
+"""Distances of bodies and walls, how joint velocities change them, and the rows of the limits that
+keep them, compiled: with numpy they take as long as a tick.
 
 A body is a capsule: all points within a radius of a line segment. Its distance to another one is
 that of their segments, less the radii; the closest points are where the segments are nearest. A
@@ -16,9 +17,12 @@ each member wherever it is read.
     ends            of the bodies' axes, in the frame that this joint moves, (B, 2, 3) [m]
     radius          of the bodies, (B,) [m]
     pairs           what may collide, (P, 2): a body, and another one, or -1 - w for wall w
-    walls           (W, 7): a kind, and its figures: n and d of a half-space n' x <= d; least and
+    walls           (W, 7): a kind, and its numbers: n and d of a half-space n' x <= d; least and
                     largest x, y, z of a box to stay out of; centre, radius and side of a sphere,
                     1 to stay in, -1 to stay out
+
+In the rows of limits `who` (r, 2) is the pair that each belongs to. `max_point_jacobian` (n,) is
+how far a radian of each joint moves any point of the arm, at most [m].
 
 Everything is written in scalars: numba compiles one expression of arrays as long as a whole loop.
 """
@@ -26,7 +30,7 @@ Everything is written in scalars: numba compiles one expression of arrays as lon
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.kernels.compiled import compiled, part, several, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
 
 BASE = -1  # in place of a joint's index
 
@@ -39,50 +43,28 @@ _LOOKS = 500.0  # of which no more are looked at than about so many
 _SHORTEST = 1e-12  # [m] of a vector that has a direction
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
+# Of a row for the path of a braking arm, beside a velocity damper, where not all can be kept: what
+# cannot be braked any more comes first.
+_WEIGHT = 1000.0
+_INSIDE = 1e-6  # [m] beyond its clearance a pair is too near by more than rounding
+
+_ROWS = float64[:, ::1]
+_VECTOR = float64[::1]
+_PAIRS = int64[:, ::1]
 _POINTS = float64[:, :, ::1]
 _SCENE = (
-    *(_POINTS, float64[:, ::1], boolean[::1], int64[::1]),
-    *(int64[::1], _POINTS, float64[::1], int64[:, ::1], float64[:, ::1]),
+    *(_POINTS, _ROWS, boolean[::1], int64[::1]),
+    *(int64[::1], _POINTS, _VECTOR, _PAIRS, _ROWS),
 )
 
 
 @part
-def _nearest_shares(
-    uu: float, vv: float, uv: float, ahead: float, back: float
-) -> tuple[float, float]:
-    """s and t in [0, 1] with the least |(a + s u) - (b + t v)|, of two segments.
+def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
+    """Write the point of segment i that is nearest to segment j into at[0], the other into at[1],
+    (2, 3) [m].
 
     First s of the nearest points of the two lines, clipped; then t, the best for it; then s, the
     best for that, in case t was clipped. Of parallel segments it is one pair of many.
-
-    Args:
-        uu: u' u [m^2].
-        vv: v' v.
-        uv: u' v.
-        ahead: u' (b - a).
-        back: v' (b - a).
-    """
-    s = 0.0
-    t = 0.0
-    area = uu * vv - uv * uv
-    if area > _NOTHING * uu * vv:
-        s = min(max((ahead * vv - back * uv) / area, 0.0), 1.0)
-    if vv > _NOTHING:
-        t = min(max((s * uv - back) / vv, 0.0), 1.0)
-    if uu > _NOTHING:
-        s = min(max((t * uv + ahead) / uu, 0.0), 1.0)
-    return s, t
-
-
-@part
-def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
-    """Write the point of segment i that is nearest to segment j into at[0], the other into at[1].
-
-    Args:
-        points: Ends of the segments, (B, 2, 3) [m].
-        i: Number of one segment.
-        j: Number of the other.
-        at: (2, 3) receives the points [m].
     """
     uu = 0.0
     vv = 0.0
@@ -98,7 +80,15 @@ def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
         uv += u * v
         ahead += u * between
         back += v * between
-    s, t = _nearest_shares(uu, vv, uv, ahead, back)
+    s = 0.0  # the nearest points are a + s u and b + t v
+    t = 0.0
+    area = uu * vv - uv * uv
+    if area > _NOTHING * uu * vv:
+        s = min(max((ahead * vv - back * uv) / area, 0.0), 1.0)
+    if vv > _NOTHING:
+        t = min(max((s * uv - back) / vv, 0.0), 1.0)
+    if uu > _NOTHING:
+        s = min(max((t * uv + ahead) / uu, 0.0), 1.0)
     for c in range(3):
         at[0, c] = points[i, 0, c] + s * (points[i, 1, c] - points[i, 0, c])
         at[1, c] = points[j, 0, c] + t * (points[j, 1, c] - points[j, 0, c])
@@ -106,12 +96,8 @@ def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
 
 @part
 def _to_box(x: np.ndarray, wall: np.ndarray, normal: np.ndarray) -> float:
-    """The distance of a point (3,) from a box [m], below zero inside.
-
-    Args:
-        x: [m].
-        wall: A row of `walls`.
-        normal: (3,) receives the direction in which it becomes smaller.
+    """The distance of a point (3,) from a box [m], below zero inside; the direction in which it
+    becomes smaller into `normal` (3,).
     """
     square = 0.0
     for c in range(3):
@@ -140,14 +126,8 @@ def _to_wall(
     points: np.ndarray, i: int, wall: np.ndarray, at: np.ndarray, normal: np.ndarray
 ) -> float:
     """The distance of a segment from a half-space, or of a point from any wall [m], positive on the
-    allowed side.
-
-    Args:
-        points: Ends of the segments, (B, 2, 3) [m].
-        i: Number of the segment.
-        wall: A row of `walls`.
-        at: (2, 3) receives its nearest point in at[0] [m].
-        normal: (3,) receives the direction in which the distance becomes smaller.
+    allowed side; the nearest point into at[0], the direction in which it becomes smaller into
+    `normal` (3,).
     """
     end = 0
     if wall[0] == HALF_SPACE:
@@ -182,16 +162,10 @@ def _distance(
     at: np.ndarray,
     normal: np.ndarray,
 ) -> float:
-    """The distance of a pair [m].
+    """The distance of a body i from the body or wall j of a pair [m].
 
-    Args:
-        points: Ends of the bodies' axes, (B, 2, 3) [m].
-        radius: (B,) [m].
-        walls: (W, 7).
-        i: Number of the body.
-        j: Number of the other one, or of a wall.
-        at: (2, 3) receives the nearest points [m]; that of a wall is not written.
-        normal: (3,) receives the direction from i to j; zeros where there is none.
+    `at` (2, 3) receives the nearest points, but not that of a wall, and `normal` (3,) the direction
+    from i to j; zeros if there is none.
     """
     if j < 0:
         return _to_wall(points, i, walls[-1 - j], at, normal) - radius[i]
@@ -236,19 +210,11 @@ def place(
     lines: np.ndarray,
     points: np.ndarray,
 ) -> None:
-    """Compute where joints and bodies are at q (n,) [rad]; of the scene it has what moves.
+    """Write where joints and bodies of a scene are at q (n,) [rad].
 
-    Args:
-        q: Joint positions.
-        before: As in the scene, and so are the next five.
-        axes: Of joints.
-        is_prismatic: Of joints.
-        parents: Of joints.
-        moved_by: Of bodies.
-        ends: Of bodies.
-        frames: (n + 1, 3, 4) receives the pose of the frame that each joint moves, last the base's.
-        lines: (n, 2, 3) receives each joint's origin [m] and its axis, in the base frame.
-        points: (B, 2, 3) receives the ends of the bodies' axes, in the base frame [m].
+    `frames` (n + 1, 3, 4) receives the pose of the frame that each joint moves, last the base's;
+    `lines` (n, 2, 3) each joint's origin [m] and its axis, and `points` (B, 2, 3) the ends of the
+    bodies' axes [m], both in the base frame.
     """
     n = len(q)
     for i in range(3):
@@ -293,17 +259,8 @@ def add_motion(
 ) -> None:
     """Add to row (n,) how fast the joints move a point along a normal: row dq [m/s].
 
-    A joint with the axis z through o moves p by z x (p - o), a prismatic one by z.
-
-    Args:
-        row: (n,).
-        lines: (n, 2, 3) of the joints.
-        is_prismatic: (n,).
-        parents: (n,).
-        joint: The last one that moves the point.
-        normal: (3,).
-        p: The point, (3,) [m].
-        sign: 1, or -1 for what is subtracted.
+    A joint with the axis z through o moves p by z x (p - o), a prismatic one by z. `joint` is the
+    last one that moves the point, `sign` -1 for what is subtracted.
     """
     k = joint
     while k != BASE:
@@ -334,19 +291,6 @@ def approaches(
     walls: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pairs that are nearer than `reach`, and how joints change that: n' (J_i - J_j) of each.
-
-    Args:
-        q: Joint positions, (n,) [rad].
-        reach: [m].
-        before: The scene, as the head of this file says, and so are the others.
-        axes: Of joints.
-        is_prismatic: Of joints.
-        parents: Of joints.
-        moved_by: Of bodies.
-        ends: Of bodies.
-        radius: Of bodies.
-        pairs: What may collide.
-        walls: Their kinds and figures.
 
     Returns:
         Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and
@@ -397,7 +341,7 @@ def least_on_path(
     A: np.ndarray,
     T: float,
     gap: float,
-    levers: np.ndarray,
+    max_point_jacobian: np.ndarray,
     step: int,
     enough: float,
     before: np.ndarray,
@@ -412,28 +356,10 @@ def least_on_path(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The least distance of each pair while the joints move by dq in a tick and then brake to rest.
 
-    Ticks are left out in which no pair can be nearer than `enough`, whatever its direction
-    (conservative advancement: Mirtich, Impulse-based dynamic simulation, 1996).
-
-    Args:
-        q: Joint positions, (n,) [rad].
-        dq: Joint velocities of the first tick, (n,) [rad/s].
-        A: Deceleration after it, (n,) [rad/s^2].
-        T: Sampling time [s].
-        gap: Cycles between two commands.
-        levers: How far a radian of each joint moves any point, at most, (n,) [m].
-        step: Least number of ticks from one look to the next; 1: none is missed, unless joints
-            brake for a thousand ticks.
-        enough: [m].
-        before: The scene, as the head of this file says, and so are the others.
-        axes: Of joints.
-        is_prismatic: Of joints.
-        parents: Of joints.
-        moved_by: Of bodies.
-        ends: Of bodies.
-        radius: Of bodies.
-        pairs: What may collide.
-        walls: Their kinds and figures.
+    Ticks are left out in which no pair can be nearer than `enough` [m], whatever its direction
+    (conservative advancement: Mirtich, Impulse-based dynamic simulation, 1996). `step` is the least
+    number of ticks from one look to the next; with 1 none is missed, unless joints brake for a
+    thousand ticks.
 
     Returns:
         The distances, (P,) [m], those below `enough` exact; and after how many ticks, (P,). Minus
@@ -478,7 +404,185 @@ def least_on_path(
         looked = tick
         while tick < last and (tick < looked + stride or path <= nearest):
             for k in range(n):
-                path += levers[k] * gap * T * max(abs(dq[k]) - A[k] * T * tick, 0.0)
+                path += max_point_jacobian[k] * gap * T * max(abs(dq[k]) - A[k] * T * tick, 0.0)
             tick += 1.0
         if tick == looked or path <= nearest:
             return least, ticks
+
+
+@inlined
+def _index_of(who: np.ndarray, near: int, one: int, other: int) -> int:
+    """Index of a pair in who (r, 2), which is likely to be `near`; -1 if it is not there."""
+    r = len(who)
+    for step in range(r):
+        i = (near + step) % r
+        if who[i, 0] == one and who[i, 1] == other:
+            return i
+    return -1
+
+
+@direct
+@compiled(
+    float64(
+        *(vector(), vector(), float64, vector(), float64, float64, _VECTOR, _VECTOR, _VECTOR),
+    )
+)
+def brake(
+    q: np.ndarray,
+    dq_prev: np.ndarray,
+    gap: float,
+    A: np.ndarray,
+    T: float,
+    ticks: float,
+    q_ahead: np.ndarray,
+    v: np.ndarray,
+    slope: np.ndarray,
+) -> float:
+    """Write where joints are that have braked for so many ticks, this one included.
+
+    A joint goes on by v, v - A T, v - 2 A T, ..., until less than A T is left. With infinitely many
+    ticks all come to rest. `q_ahead` receives q + s(v), `v` the velocity of braking in this tick,
+    and `slope` S = ds/dv [s], all (n,); `gap` is the number of cycles between two commands.
+
+    Returns:
+        After how many ticks the last joint is at rest.
+    """
+    longest = 0.0
+    for i in range(len(q)):
+        speed = max(abs(dq_prev[i]) - A[i] * T, 0.0)
+        v[i] = speed if dq_prev[i] > 0.0 else -speed
+        stop = np.floor(speed / (A[i] * T)) + 1.0
+        k = min(ticks, stop)
+        path = gap * T * (k * speed - A[i] * T * k * (k - 1.0) / 2.0)
+        q_ahead[i] = q[i] + (path if dq_prev[i] > 0.0 else -path)
+        slope[i] = gap * min(ticks * T, speed / A[i] + T)
+        longest = max(longest, stop)
+    return longest
+
+
+@direct
+@compiled(float64(vector(), float64, vector(), float64, vector()))
+def farthest_path(
+    dq_prev: np.ndarray, gap: float, A: np.ndarray, T: float, max_point_jacobian: np.ndarray
+) -> float:
+    """How far any point may move, at most, if the joints brake after this tick [m]."""
+    path = 0.0
+    for i in range(len(A)):
+        fastest = abs(dq_prev[i]) + A[i] * T
+        path += max_point_jacobian[i] * gap * (fastest + A[i] * T) ** 2 / (2.0 * A[i])
+    return path
+
+
+@compiled(
+    several(_ROWS, _VECTOR, _PAIRS)(
+        *(matrix(), vector(), matrix(int64), vector(), vector()),
+        *(float64, float64, float64, float64),
+    )
+)
+def damper_rows(
+    C: np.ndarray,
+    distance: np.ndarray,
+    who: np.ndarray,
+    dq_prev: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    rate: float,
+    clearance: float,
+    influence: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C dq <= rate (d - d_s) of all that is nearer than the influence, unless every acceleration
+    within the limits keeps it.
+
+    C dq [m/s] is the speed at which pairs approach, `rate` 1 / t_d [1/s].
+
+    Returns:
+        Rows (j, n), their upper ends (j,), and who approaches whom (j, 2).
+    """
+    r, n = C.shape
+    rows = np.empty((r, n))
+    high = np.empty(r)
+    pairs = np.empty((r, 2), np.int64)
+    count = 0
+    for i in range(r):
+        fastest = 0.0  # in this tick
+        for j in range(n):
+            rows[count, j] = C[i, j]
+            fastest += C[i, j] * dq_prev[j] + abs(C[i, j]) * 2.0 * T * A[j]
+        high[count] = rate * (distance[i] - clearance)
+        pairs[count, 0] = who[i, 0]
+        pairs[count, 1] = who[i, 1]
+        if distance[i] < influence and fastest > high[count]:
+            count += 1
+    return rows[:count], high[:count], pairs[:count]
+
+
+@compiled(
+    several(_ROWS, _VECTOR, _PAIRS)(
+        *(matrix(), vector(), matrix(int64), vector(), matrix(int64)),
+        *(vector(), vector(), vector(), float64, float64, float64, float64, float64, float64),
+    )
+)
+def braking_rows(
+    C: np.ndarray,
+    distance: np.ndarray,
+    who: np.ndarray,
+    distance_now: np.ndarray,
+    who_now: np.ndarray,
+    v: np.ndarray,
+    slope: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    gap: float,
+    ticks: float,
+    rate: float,
+    clearance: float,
+    lever: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless every acceleration within
+    the limits keeps it.
+
+    ClearanceLimit says what these are, `brake` has v and S. `lever` is the largest element of
+    max_point_jacobian.
+
+    Returns:
+        As damper_rows().
+    """
+    r, n = C.shape
+    rows = np.empty((r, n))
+    high = np.empty(r)
+    pairs = np.empty((r, 2), np.int64)
+    count = 0
+    bend = 0.0  # how far the arm leaves the tangent, for a change of A T in every joint
+    for j in range(n):
+        bend += 0.5 * lever * (slope[j] * A[j] * T) ** 2
+    for i in range(r):
+        before = 0.0  # |C|^2
+        after = 0.0  # of the row
+        braking = 0.0
+        reach = 0.0
+        for j in range(n):
+            # The chord of s that is on the safe side: it becomes steeper with the speed.
+            chord = slope[j] + 0.5 * gap * T * np.sign(C[i, j] * v[j])
+            rows[count, j] = C[i, j] * min(chord, gap * T * ticks)
+            before += C[i, j] * C[i, j]
+            after += rows[count, j] * rows[count, j]
+            braking += rows[count, j] * v[j]
+            reach += abs(rows[count, j]) * 2.0 * T * A[j]
+        margin = distance[i] - clearance
+        if after == 0.0 or not margin - bend < reach:
+            continue
+        size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
+        # What is inside already comes out again as slowly as by the damper, and after the others:
+        # nothing else gets inside for it.
+        if margin < 0.0:
+            now = _index_of(who_now, i, who[i, 0], who[i, 1])
+            if now >= 0 and distance_now[now] < clearance - _INSIDE:
+                margin *= min(rate * T, 1.0)
+                size /= _WEIGHT
+        for j in range(n):
+            rows[count, j] *= size
+        high[count] = size * (margin - bend + braking)
+        pairs[count, 0] = who[i, 0]
+        pairs[count, 1] = who[i, 1]
+        count += 1
+    return rows[:count], high[:count], pairs[:count]

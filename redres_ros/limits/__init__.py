@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.limits.clearance import ClearanceLimit, CollisionLimit
+from redres_ros.limits.distance import CollisionLimit, DistanceLimit, WorkspaceLimit
 from redres_ros.limits.joint import (
     AccelerationLimit,
     EndSpeedLimit,
@@ -15,9 +15,8 @@ from redres_ros.limits.joint import (
     TorqueLimit,
     VelocityLimit,
 )
-from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
+from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.limits.limits import Bounds, Limits
-from redres_ros.limits.workspace import WorkspaceLimit
 from redres_ros.parameter import Table, check_once
 from redres_ros.robot_model import RobotModel
 
@@ -33,7 +32,6 @@ LIMITS: Table[Limit] = Table(
     workspace=WorkspaceLimit,
     torque=TorqueLimit,
 )
-limit_name = LIMITS.name_of
 
 
 def make_limits(
@@ -47,17 +45,17 @@ def make_limits(
     """The limits of those names, to be kept together.
 
     Args:
-        names: of the table LIMITS; a limit that was made already is taken as it is.
-        model: the arm, from which they have their figures.
-        limit_scale: the fraction of its velocities and accelerations that is allowed.
-        torque_scale: the fraction of its torques that is allowed.
-        gains: as {'position.margin': 0.02}; those of limits that are not asked for do nothing.
+        names: Of the table LIMITS; a limit that was made already is taken as it is.
+        model: The arm, which has their values.
+        limit_scale: The fraction of its velocities and accelerations that is allowed.
+        torque_scale: The fraction of its torques that is allowed.
+        gains: As {'position.margin': 0.02}; those of limits that are not asked for do nothing.
 
     Raises:
         UnknownNameError: for a limit or a gain that does not exist.
         RangeError: for a gain or a scale outside its range.
         RepeatedNameError: for a limit that is named twice.
-        ArrayError: for figures that the arm lacks, and for a limit of another arm.
+        ArrayError: for values that the arm lacks, and for a limit of another arm.
     """
     names = tuple(names)
     check_once('limit', names)
@@ -67,50 +65,30 @@ def make_limits(
             raise UnknownNameError('gain of a limit', gain, known)
     scales = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
     made = [_made(name, model, scales, gains) for name in names]
-    return Limits(_with_the_acceleration_in_force(made))
+    in_force = [limit.A for limit in made if isinstance(limit, AccelerationLimit)]
+    for A in in_force:  # distances are kept by the acceleration that is in force
+        made = [
+            replace(limit, acceleration=tuple(A / limit.scale), acceleration_is_limited=True)
+            if isinstance(limit, DistanceLimit)
+            else limit
+            for limit in made
+        ]
+    return Limits(model, {limit: LIMITS.name_of(limit) for limit in made})
 
 
 def _made(
     name: str | Limit, model: RobotModel, scales: Mapping[str, float], gains: Mapping[str, Any]
 ) -> Limit:
     """The limit of that name; one that was made already is checked, and taken as it is."""
-    if isinstance(name, Limit):
-        _check_arm(name, model)
-        return name
-    scale = scales[LIMITS[name].scaled_by] if name in LIMITS else 1.0
-    return LIMITS.resolve(name, gains, model, scale)
-
-
-def _with_the_acceleration_in_force(limits: list[Limit]) -> list[Limit]:
-    """The limits, where distances are kept by the acceleration that is in force, if any is."""
-    in_force = [limit.A for limit in limits if isinstance(limit, AccelerationLimit)]
-    if not in_force:
-        return limits
-    (A,) = in_force
-    return [
-        replace(limit, acceleration=tuple(A / limit.scale), acceleration_is_limited=True)
-        if isinstance(limit, ClearanceLimit)
-        else limit
-        for limit in limits
-    ]
-
-
-def _check_arm(limit: Limit, model: RobotModel) -> None:
-    """Raise ArrayError for a limit of other joints: its arrays would not fit."""
-    if limit.model.joint_names != model.joint_names:
+    if not isinstance(name, Limit):
+        scale = scales[LIMITS[name].scaled_by] if name in LIMITS else 1.0
+        return LIMITS.resolve(name, gains, model, scale)
+    if name.model.joint_names != model.joint_names:  # its arrays would not fit
         raise ArrayError(
-            f'limit {limit_name(limit)} is of the joints {", ".join(limit.model.joint_names)}; '
+            f'limit {LIMITS.name_of(name)} is of the joints {", ".join(name.model.joint_names)}; '
             f'expected {", ".join(model.joint_names)}'
         )
+    return name
 
 
-__all__ = [
-    'LIMITS',
-    'Bounds',
-    'BoxLimit',
-    'Limit',
-    'Limits',
-    'RowLimit',
-    'limit_name',
-    'make_limits',
-]
+__all__ = ['LIMITS', 'Bounds', 'JointLimit', 'Limit', 'Limits', 'ReferenceState', 'make_limits']

@@ -1,22 +1,27 @@
-"""Limits of the joints: acceleration, velocity and position, each a box, and torque as rows."""
+"""Limits of the joints: acceleration, jerk, velocity and position, all in one box; and torque."""
 
-from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
+from redres_ros.kernels.boxes import ACCELERATION, END_SPEED, JERK, POSITION, VELOCITY, within
 from redres_ros.kernels.tick import agitation, differentiate
-from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
+from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import param
-from redres_ros.solver import Box, Rows
+from redres_ros.solver import Rows
+from redres_ros.types import (
+    JointAccelerations,
+    JointPositions,
+    JointTorques,
+    JointVelocities,
+    Seconds,
+)
 
-# What a robot may be shown of its limits. It judges differences of positions, whose 16 digits leave
-# an acceleration 10 and a jerk 9 at 1 kHz.
-_SHOWN = 1.0 - 1e-7
+# Fraction of the limits that a robot may see. It judges differences of positions, whose 16 digits
+# leave an acceleration 10 and a jerk 9 at 1 kHz.
+_SEEN = 1.0 - 1e-7
 
 # An arm brakes at its ends with this fraction of the deceleration that the robot counts on. The
 # smaller, the less of the range is lost: offset^2 / (2 (deceleration - that of the arm)).
@@ -29,66 +34,39 @@ _RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in
 
 
 @dataclass(frozen=True, eq=False)
-class JointLimit(BoxLimit):
-    """A limit whose box is one of the formulas in kernels/boxes.py."""
+class BrakingLimit(Limit):
+    """What limits that assume an acceleration have in common.
 
-    kind: ClassVar[int]  # of those formulas
-
-    @property
-    @abstractmethod
-    def figures(self) -> np.ndarray:
-        """What the formula needs, (3, n)."""
-
-    def box(self, state: ReferenceState, T: float) -> Box:
-        boxes = np.empty((2, 2, self.model.n))
-        kinds = np.array([self.kind])
-        dq = state.dq_prev
-        fill_boxes(dq, state.q, dq, state.ddq_prev, T, kinds, self.figures[None], boxes, 1.0, 1.0)
-        return boxes[0, 0], boxes[0, 1]
-
-
-@dataclass(frozen=True, eq=False)
-class AccelerationFigures(Limit):
-    """Figures common to the limits that assume an acceleration.
-
-    Args:
-        acceleration: (n,) [rad/s^2], for an arm whose table has none; empty for that table's.
-
-    Raises:
-        ArrayError: Neither it nor the arm's table has a positive value for each joint.
+    Raises ArrayError if neither `acceleration` nor the arm has a positive value for each joint.
     """
 
-    acceleration: tuple[float, ...] = ()
+    acceleration: tuple[float, ...] = ()  # [rad/s^2], for an arm whose table has none
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = self.acceleration or self.model.arm.acceleration_limit
-        if len(given) != self.model.n or not min(given) > 0.0:
-            raise ArrayError(
-                f'acceleration limits of {self.model.arm.urdf}: {given or "none known"}; '
-                f'expected {self.model.n} positive values [rad/s^2] in acceleration=(...)'
-            )
+        _check_positive('acceleration', 'rad/s^2', self._given_acceleration, self)
+
+    @property
+    def _given_acceleration(self) -> tuple[float, ...]:
+        return self.acceleration or self.model.arm.acceleration_limit
 
     @cached_property
-    def A(self) -> np.ndarray:
-        """The acceleration that is allowed, (n,) [rad/s^2]."""
-        return self.scale * np.array(self.acceleration or self.model.arm.acceleration_limit)
+    def A(self) -> JointAccelerations:
+        """The acceleration that is allowed."""
+        return self.scale * np.array(self._given_acceleration)
 
 
 @dataclass(frozen=True, eq=False)
-class AccelerationLimit(AccelerationFigures, JointLimit):
+class AccelerationLimit(BrakingLimit, JointLimit):
     """|dq - dq_prev| <= A T. It holds whatever the state.
 
     Only a joint that would leave its range, because limits have become narrower while it was fast,
-    brakes with more: with the arm's own acceleration, whatever the scale.
-
-    Args:
-        reach: Of the largest singular value of the task: below it the tip brakes before the end of
-            its reach (boundary_braking.py), and each direction of dx has a scaling of its own.
+    brakes with more: with the arm's own acceleration, whatever the scale. Below `reach` the tip
+    brakes before the end of its reach, and each direction of dx has a scaling of its own.
     """
 
     order = 0
-    kind = ACCELERATION
+    box = ACCELERATION
 
     reach: float = param(
         0.0,
@@ -100,70 +78,44 @@ class AccelerationLimit(AccelerationFigures, JointLimit):
         live=True,
     )
 
-    @property
-    def figures(self) -> np.ndarray:
-        return np.stack((self.A, self.A / self.scale, self.A))
+    def limited(self, limits: np.ndarray) -> None:
+        limits['A'] = self.A
+        limits['A_arm'] = self.A / self.scale
 
 
 @dataclass(frozen=True, eq=False)
 class JerkLimit(JointLimit):
     """|ddq - ddq_prev| <= J T. It holds whatever the state.
 
-    With it, the limits on velocity and position leave each joint the way that it needs to brake
-    without exceeding it (kernels/boxes.py).
-
-    Args:
-        jerk: (n,) [rad/s^3]; empty for the arm's table. An arm without one gets RISE times its
-            acceleration limits.
-        lost: A robot that bridges a lost command with constant acceleration sees a jump in the
-            next one. Jerk, acceleration and velocity are lowered so that what it sees keeps the
-            limits, whatever the order in which so many get lost. The count begins anew once three
-            commands in a row have come.
-
-    Raises:
-        ArrayError: Neither it nor the arm's table has a positive value for each joint.
+    With it, the limits on velocity and position leave each joint the distance that it needs to
+    brake without exceeding it (kernels/boxes.py). An arm without jerk limits gets RISE times its
+    acceleration limits. Raises ArrayError if there are none either.
     """
 
     order = -1
-    kind = JERK
+    box = JERK
 
-    jerk: tuple[float, ...] = ()
-    lost: int = param(
-        0,
-        'commands lost at short notice that the robot bridges with constant acceleration; jerk '
-        'and acceleration are lowered for them',
-        0,
-        4,
-        live=True,
-    )
+    jerk: tuple[float, ...] = ()  # [rad/s^3]; empty for the arm's table
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self._given) != self.model.n or not min(self._given) > 0.0:
-            raise ArrayError(
-                f'jerk limits of {self.model.arm.urdf}: {self._given or "none known"}; '
-                f'expected {self.model.n} positive values [rad/s^3] in jerk=(...)'
-            )
+        _check_positive('jerk', 'rad/s^3', self._given_jerk, self)
 
     @property
-    def _given(self) -> tuple[float, ...]:
-        """Of each joint, unscaled [rad/s^3]."""
+    def _given_jerk(self) -> tuple[float, ...]:
         arm = self.model.arm
         return self.jerk or arm.jerk_limit or tuple(_RISE * A for A in arm.acceleration_limit)
 
     @cached_property
     def J(self) -> np.ndarray:
-        """The jerk that is allowed, (n,) [rad/s^3]."""
-        # The robot extrapolates from velocity and acceleration as it has seen them, whose errors
-        # are those of the position, once and twice differenced. The worst is that every other
-        # command gets lost: each one then triples the error before it.
-        seen = (3.0 ** (self.lost + 1) - 1.0) / 2.0  # [J T], change of the acceleration
-        return _SHOWN * self.scale * np.array(self._given) / seen
+        """The jerk that is allowed, (n,) [rad/s^3], if no command gets lost."""
+        return _SEEN * self.scale * np.array(self._given_jerk)
 
-    @property
-    def figures(self) -> np.ndarray:
-        A = np.array(self.model.arm.acceleration_limit or (np.inf,) * self.model.n)
-        return np.stack((self.J, _SHOWN * self.scale * A, np.full(len(A), 3.0**self.lost - 1.0)))
+    def limited(self, limits: np.ndarray) -> None:
+        limits['J'] = self.J
+        limits['A_jerk'] = (
+            _SEEN * self.scale * np.array(self.model.arm.acceleration_limit or np.inf)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,35 +123,28 @@ class VelocityLimit(JointLimit):
     """|dq| <= V. A joint that is faster brakes as hard as it may."""
 
     order = 1
-    kind = VELOCITY
+    box = VELOCITY
 
     @cached_property
-    def V(self) -> np.ndarray:
-        """The velocity that is allowed, (n,) [rad/s]."""
+    def V(self) -> JointVelocities:
+        """The velocity that is allowed."""
         return self.scale * self.model.dq_max
 
-    @property
-    def figures(self) -> np.ndarray:
-        return np.stack((self.V, self.V, self.V))
+    def limited(self, limits: np.ndarray) -> None:
+        limits['V'] = self.V
 
 
 @dataclass(frozen=True, eq=False)
-class PositionLimit(AccelerationFigures, JointLimit):
+class PositionLimit(BrakingLimit, JointLimit):
     """-beta(q - q_min) <= dq <= beta(q_max - q): the joint can always stop within its range.
 
     beta is the largest speed from which it stops in time if it brakes by A T a tick
     (kernels/boxes.py). A joint that is outside comes back as fast as A allows, so that it stops at
-    the end of its range. scale acts on A.
-
-    Args:
-        margin: [rad].
-
-    Raises:
-        ArrayError: The margin leaves nothing of a joint's range.
+    the end of its range. Raises ArrayError if the margin leaves nothing of a joint's range.
     """
 
     order = 2
-    kind = POSITION
+    box = POSITION
 
     margin: float = param(
         float(np.radians(0.5)),
@@ -219,22 +164,23 @@ class PositionLimit(AccelerationFigures, JointLimit):
             )
 
     @cached_property
-    def q_min(self) -> np.ndarray:
-        """(n,) [rad], the margin taken off."""
+    def q_min(self) -> JointPositions:
+        """The lower ends and the margin."""
         return self.model.q_min + self.margin
 
     @cached_property
-    def q_max(self) -> np.ndarray:
-        """(n,) [rad], the margin taken off."""
+    def q_max(self) -> JointPositions:
+        """The upper ends less the margin."""
         return self.model.q_max - self.margin
 
-    @property
-    def figures(self) -> np.ndarray:
-        return np.stack((self.q_min, self.q_max, self.A))
+    def limited(self, limits: np.ndarray) -> None:
+        limits['lower'][:, 0] = self.q_min
+        limits['upper'][:, 0] = self.q_max
+        limits['A_stop'][:, 0] = self.A
 
 
 @dataclass(frozen=True, eq=False)
-class EndSpeedLimit(AccelerationFigures, JointLimit):
+class EndSpeedLimit(BrakingLimit, JointLimit):
     """A joint near the end of its range is no faster than the robot allows there.
 
     The robot allows v <= sqrt(2 D d) - v_0 at a distance d. The joint brakes with less than D, with
@@ -243,30 +189,34 @@ class EndSpeedLimit(AccelerationFigures, JointLimit):
         v_0^2 / (2 (D - D')),
 
     the least for which sqrt(2 D' d') stays below the robot's limit at every speed. It is the limit
-    on positions with these figures. An arm without end_speeds keeps to the ends of its range.
+    on positions with these ends. An arm without end_speeds keeps to the ends of its range.
     """
 
     order = 3
-    kind = POSITION
+    box = END_SPEED
 
-    @property
-    def figures(self) -> np.ndarray:
-        if not self.model.arm.end_speeds:
-            return np.stack((self.model.q_min, self.model.q_max, self.A))
-        lower, upper, D, offset = np.array(self.model.arm.end_speeds).T
-        A = np.minimum(self.A, _GENTLER * D)
-        v = offset + _TOLERANCE
-        touching = v * A / (D - A)  # the speed at which both curves touch [rad/s]
-        before = v**2 / (2.0 * (D - A)) + _CYCLE * touching
-        return np.stack((lower + before, upper - before, A))
+    def limited(self, limits: np.ndarray) -> None:
+        lower = self.model.q_min
+        upper = self.model.q_max
+        A = self.A
+        if self.model.arm.end_speeds:
+            lower, upper, D, offset = np.array(self.model.arm.end_speeds).T
+            A = np.minimum(self.A, _GENTLER * D)
+            v = offset + _TOLERANCE
+            touching = v * A / (D - A)  # the speed at which both curves touch [rad/s]
+            before = v**2 / (2.0 * (D - A)) + _CYCLE * touching
+            lower = lower + before
+            upper = upper - before
+        limits['lower'][:, 1] = lower
+        limits['upper'][:, 1] = upper
+        limits['A_stop'][:, 1] = A
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueLimit(RowLimit):
+class TorqueLimit(Limit):
     """-tau_max <= M (dq - dq_prev) / T + n <= tau_max, Eq. (6) with Eq. (13).
 
-    Raises:
-        ArrayError: A joint has no effort limit above zero.
+    Raises ArrayError for a joint without an effort limit above zero.
     """
 
     order = 1
@@ -282,15 +232,15 @@ class TorqueLimit(RowLimit):
                 )
 
     @cached_property
-    def tau_max(self) -> np.ndarray:
-        """The torque that is allowed, (n,) [Nm]."""
+    def tau_max(self) -> JointTorques:
+        """The torque that is allowed."""
         return self.scale * self.model.tau_max
 
     @cached_property
-    def _tau_min(self) -> np.ndarray:
+    def _tau_min(self) -> JointTorques:
         return -self.tau_max
 
-    def rows(self, state: ReferenceState, T: float) -> Rows:
+    def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
         return C, self._tau_min - rest, self.tau_max - rest
@@ -301,10 +251,20 @@ class TorqueLimit(RowLimit):
         G, H = self.model.torque_bounds
         return float(np.min((self.tau_max - G) / np.maximum(H, _NO_INERTIA)))
 
-    def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+    def is_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         if agitation(dq, state.dq_prev, T) < self._gentle:  # in a sixth of the time of what follows
             return True
         ddq = np.empty(len(dq))
         differentiate(dq, state.dq_prev, T, ddq)  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
         return bool(within(tau, self._tau_min, self.tau_max))
+
+
+def _check_positive(what: str, unit: str, given: tuple[float, ...], limit: Limit) -> None:
+    """Raise ArrayError unless there is a positive value for each joint."""
+    model = limit.model
+    if len(given) != model.n or not min(given) > 0.0:
+        raise ArrayError(
+            f'{what} limits of {model.arm.urdf}: {given or "none known"}; '
+            f'expected {model.n} positive values [{unit}] in {what}=(...)'
+        )

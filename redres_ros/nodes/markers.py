@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.limits.shapes import SPHERE, DrawnShape, shapes_of
+from redres_ros.limits.scene import SPHERE, WALLS, DrawnShape, Shape, read_shapes, shapes_of
 from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
 from redres_ros.nodes.wire import to_time
 from redres_ros.types import Nanoseconds, Points, Position
@@ -30,7 +30,7 @@ _OUTSIDE = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)
 _INSIDE = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.15)
 _SOLID = ColorRGBA(r=0.6, g=0.6, b=0.6, a=0.6)
 _SIDES = ('inside', 'outside')
-_SIZES = {'boxes': 6, 'spheres': 4}  # numbers of each shape
+_WALLS = 'scene.walls'
 
 Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
 
@@ -121,39 +121,28 @@ def show_obstacles(
 
 
 def take_workspace(node: Node, frame: str) -> None:
-    """Have a node set the shapes of its limit `workspace`, in a frame, from the topic of that
-    name.
+    """Have a node set boxes and spheres among its `scene.walls`, in a frame, from the topic
+    `workspace`.
     """
 
     def on_markers(message: MarkerArray) -> None:
+        shapes = read_shapes(node.get_parameter(_WALLS).value, WALLS)
+        kept = [shape for shape in shapes if shape.kind == 'half_space']
         try:
-            parameters = _parameters(message, frame)
+            taken = [_shape(each, frame) for each in message.markers if each.action == Marker.ADD]
         except ValueError as error:
             node.get_logger().warning(f'workspace: {error}')
             return
-        for result in node.set_parameters(parameters):
+        text = '; '.join(map(str, [*kept, *taken]))
+        for result in node.set_parameters([Parameter(_WALLS, value=text)]):
             if not result.successful:
                 node.get_logger().warning(f'workspace: {result.reason}')
 
     node.create_subscription(MarkerArray, 'workspace', on_markers, LATCHED)
 
 
-def _parameters(message: MarkerArray, frame: str) -> list[Parameter]:
-    """The parameters that stand for the markers. Raises ValueError for one that is no shape."""
-    shapes: dict[str, list[float]] = {f'{side}_{kind}': [] for side in _SIDES for kind in _SIZES}
-    for marker in message.markers:
-        if marker.action == Marker.ADD:
-            name, numbers = _shape(marker, frame)
-            shapes[name] += numbers
-    none = {name: [0.0] * _SIZES[name.split('_')[1]] for name in shapes}
-    return [
-        Parameter(f'workspace.{name}', value=numbers or none[name])
-        for name, numbers in shapes.items()
-    ]
-
-
-def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
-    """The kind of shape and its numbers. Raises ValueError."""
+def _shape(marker: Marker, frame: str) -> Shape:
+    """The shape that a marker stands for. Raises ValueError."""
     place = marker.pose.position
     size = marker.scale
     turn = marker.pose.orientation
@@ -163,11 +152,12 @@ def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
         raise ValueError(f'got the frame {marker.header.frame_id!r}; expected {frame!r}')
     centre = np.array((place.x, place.y, place.z))
     if marker.type == Marker.SPHERE and size.x == size.y == size.z:
-        return f'{marker.ns}_spheres', [*centre.tolist(), size.x / 2.0]
+        return Shape(f'{marker.ns}_sphere', (*centre.tolist(), size.x / 2.0))
     is_upright = abs(turn.x) + abs(turn.y) + abs(turn.z) < 1e-6
     if marker.type == Marker.CUBE and is_upright:
         half = np.array((size.x, size.y, size.z)) / 2.0
-        return f'{marker.ns}_boxes', [*(centre - half).tolist(), *(centre + half).tolist()]
+        ends = (*(centre - half).tolist(), *(centre + half).tolist())
+        return Shape(f'{marker.ns}_box', ends)
     raise ValueError(
         f'got marker {marker.id} of type {marker.type}; expected a CUBE along the axes of {frame}, '
         'or a SPHERE of one diameter'
@@ -181,7 +171,7 @@ def _to_marker(shape: DrawnShape) -> Marker:
     marker.scale.x, marker.scale.y, marker.scale.z = shape.size.tolist()
     marker.pose.position = _to_point(shape.centre)
     turn = marker.pose.orientation
-    turn.x, turn.y, turn.z, turn.w = shape.quaternion
+    turn.x, turn.y, turn.z, turn.w = shape.quaternion.tolist()
     return marker
 
 

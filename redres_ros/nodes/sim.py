@@ -20,7 +20,7 @@ from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
-from redres_ros.limits.shapes import touched
+from redres_ros.limits.scene import touched
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles

@@ -89,7 +89,7 @@ class Kinematics:
         return np.array([*to_the_next, self.tip[:3, 3]])
 
     @property
-    def levers(self) -> np.ndarray:
+    def max_point_jacobian(self) -> np.ndarray:
         """How far a radian of each joint moves the origin of any link, at most, (n,) [m]; of a
         prismatic joint how far a metre does.
         """

@@ -12,7 +12,7 @@ import viser
 
 from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
-from redres_ros.limits.shapes import shapes_of, touched
+from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
 from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
@@ -30,7 +30,7 @@ _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
 _PLOTTED = 15.0  # [s]
 _TRACED = 20.0  # [s]
-_WALLS = ('limits', 'workspace.', 'collision.')  # parameters of what is drawn
+_WALLS = ('limits', 'scene.')  # parameters of what is drawn
 
 
 class Page:

@@ -13,7 +13,7 @@ import trimesh
 import viser
 
 from redres_ros.files.text import writing
-from redres_ros.limits.shapes import SPHERE, DrawnShape
+from redres_ros.limits.scene import SPHERE, DrawnShape
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
