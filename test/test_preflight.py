@@ -21,10 +21,9 @@ from graph_helpers import PATIENCE, await_that, nodes
 from std_msgs.msg import String
 
 from redres_ros.nodes.runtime import own_domain, spun
-from redres_ros.preflight import graph_snapshot
-from redres_ros.preflight.arm import ExpectedArm, Level, Verdict
-from redres_ros.preflight.graph import judge
-from redres_ros.preflight.graph_snapshot import (
+from redres_ros.nodes.topics import MODE
+from redres_ros.preflight import snapshot
+from redres_ros.preflight.snapshot import (
     ACTIVITY,
     COMMANDS,
     FORWARD,
@@ -34,6 +33,7 @@ from redres_ros.preflight.graph_snapshot import (
     SnapshotNode,
     StateSeen,
 )
+from redres_ros.preflight.verdicts import ExpectedArm, Level, Verdict, judge
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -110,7 +110,7 @@ BEHIND = replace(
     publishers={STATES: ('/robot',), FORWARD: ('/controller',), TWISTS: ('/planner',)},
     forward_joints=NAMES,
     forward_states=frozenset({'active'}),
-    mode='holding',
+    words={MODE: 'holding'},
 )
 JITTER = np.random.default_rng(0).uniform(-0.4, 0.4, 100) * T
 OUTSIDE = (9.0, *ARM.start[1:])
@@ -178,7 +178,7 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
         ('forwarding', 'is inactive: ros2 control switch_controllers --activate'),
     ),
     'an arm that executes nothing': (
-        replace(BEHIND, forward_states=frozenset(), mode='mirroring'),
+        replace(BEHIND, forward_states=frozenset(), words={MODE: 'mirroring'}),
         ('forwarding', 'executes no commands'),
     ),
     'another order of joints': (
@@ -345,7 +345,7 @@ def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnosti
         controllers=[named('forward_position_controller', 'inactive')],
         hardware_components=[named('arm', 'unconfigured')],
     )
-    monkeypatch.setattr(graph_snapshot, '_find_activity_type', lambda: String)
+    monkeypatch.setattr(snapshot, '_find_activity_type', lambda: String)
     with own_domain(), spun(SnapshotNode) as observer:
         observer._forward_states = {'of another arm': 'active'}
         newest = observer.samples.newest

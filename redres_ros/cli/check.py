@@ -35,9 +35,8 @@ def add(commands: Any) -> None:
 def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.runtime import joined_domain, spun
-    from redres_ros.preflight.arm import ExpectedArm, Level
-    from redres_ros.preflight.graph import judge
-    from redres_ros.preflight.graph_snapshot import SnapshotNode
+    from redres_ros.preflight.snapshot import SnapshotNode
+    from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
 
     if not RATES[0] <= options.rate <= RATES[1]:
         raise RangeError('rate', options.rate, *RATES, 'Hz')

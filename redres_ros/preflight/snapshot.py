@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -25,14 +25,13 @@ TWISTS = 'cartesian_velocity'
 COMMANDS = 'joint_command'
 FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
+ACTIVITY = 'controller_manager/activity'
 
 _FORWARDING = 'forward_position_controller'
-ACTIVITY = 'controller_manager/activity'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
 _HARDWARE = 'Hardware Components'  # in the name of their status there
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
-
 _ASKED = (  # of the controller
     'rate',
     'robot',
@@ -44,15 +43,6 @@ _ASKED = (  # of the controller
     'position.margin',
 )
 _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def _find_activity_type() -> Any:
-    """The type of ros2_control's topic of activity; None if its messages are not installed here."""
-    try:
-        from controller_manager_msgs.msg import ControllerManagerActivity
-    except ImportError:
-        return None
-    return ControllerManagerActivity
 
 
 class StateSeen(NamedTuple):
@@ -67,12 +57,12 @@ class StateSeen(NamedTuple):
 class GraphSnapshot:
     """What was observed of a graph.
 
-    Args:
-        states: States in the order of arrival.
+    Attributes:
+        states: In the order of arrival.
         publishers: Full names of the nodes that publish on a topic, by topic.
-        subscribers: The same of subscribers, by topic.
+        subscribers: The same of subscribers.
         twist_frames: Frames of the task velocities that came.
-        words: Newest session state and stop reason of a robot that reports them, by topic.
+        words: Newest session state, stop reason and mode, by topic.
         description: The URDF on robot_description; empty: none came.
         controller: Parameters of the controller by name; None: there is no controller.
         controllers: How many nodes have its name.
@@ -80,7 +70,6 @@ class GraphSnapshot:
         forward_states: States of its life cycle, as controller_managers report them; none: not
             known.
         hardware: States of ros2_control's hardware components by their names.
-        mode: Mode of our controller; empty: not known.
     """
 
     states: tuple[StateSeen, ...] = ()
@@ -94,7 +83,6 @@ class GraphSnapshot:
     forward_joints: tuple[str, ...] = ()
     forward_states: frozenset[str] = frozenset()
     hardware: Mapping[str, str] = field(default_factory=dict)
-    mode: str = ''
 
 
 class SnapshotNode(GraphMonitor):
@@ -111,14 +99,12 @@ class SnapshotNode(GraphMonitor):
         self._states: list[StateSeen] = []
         self._frames: set[str] = set()
         self._description = ''
-        self.samples.add(states, JointState, _MANY)
-        self.samples.add(TWISTS, TwistStamped, _MANY)
-        self._mode = ''
         self._forward_states: dict[str, str] = {}  # by controller_manager
         self._hardware: dict[str, str] = {}  # by component
         self._activity_type = _find_activity_type()
+        self.samples.add(states, JointState, _MANY)
+        self.samples.add(TWISTS, TwistStamped, _MANY)
         self.samples.add(DESCRIPTION, String, LATCHED)
-        self.samples.add(MODE, String, LATCHED)
         self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
         if self._activity_type is not None:
             self.samples.add(ACTIVITY, self._activity_type, LATCHED)
@@ -132,19 +118,19 @@ class SnapshotNode(GraphMonitor):
             self._collect(max(_DISCOVERY - seconds, 0.0))
         topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD, ACTIVITY)}
         topics[STATES] = self._states_topic
+        forwarding = self._ask(_FORWARDING, ('joints',)) or {}
         return GraphSnapshot(
             states=tuple(self._states),
             publishers=self._nodes(topics, self.get_publishers_info_by_topic),
             subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
             twist_frames=frozenset(self._frames),
-            words={topic: self.word(topic) for topic in (SESSION, REASON) if topic in self.values},
+            words={topic: self.word(topic) for topic in (SESSION, REASON, MODE)},
             description=self._description,
             controller=self._ask(CONTROLLER, _ASKED),
             controllers=self._count(CONTROLLER),
-            forward_joints=self._forward_joints(),
+            forward_joints=tuple(forwarding.get('joints') or ()),
             forward_states=frozenset(self._forward_states.values()),
             hardware=dict(self._hardware),
-            mode=self._mode,
         )
 
     def _collect(self, seconds: float) -> None:
@@ -161,34 +147,25 @@ class SnapshotNode(GraphMonitor):
             for sample in self.samples.take(TWISTS):
                 with suppress(EncodingError):
                     self._frames.add(deserialised(sample.data, TwistStamped).header.frame_id)
-            self._take_health()
+            for sample in self.samples.take(_DIAGNOSTICS):
+                with suppress(EncodingError):
+                    self._take_diagnostics(deserialised(sample.data, DiagnosticArray))
+            activity = None if self._activity_type is None else self.samples.newest(ACTIVITY)
+            if activity is not None:
+                self._take_activity(activity)
             description = self.samples.newest(DESCRIPTION)
             if description is not None:
                 self._description = description.data
 
-    def _take_health(self) -> None:
-        """Record the mode of the controller, and what controller_managers report."""
-        mode = self.samples.newest(MODE)
-        if mode is not None:
-            self._mode = one_line(mode.data)
-        for sample in self.samples.take(_DIAGNOSTICS):
-            with suppress(EncodingError):
-                for status in deserialised(sample.data, DiagnosticArray).status:
-                    self._take_status(status)
-        activity = None if self._activity_type is None else self.samples.newest(ACTIVITY)
-        if activity is not None:
-            self._take_activity(activity)
-
-    def _take_status(self, status: DiagnosticStatus) -> None:
-        """Record the states of controllers or hardware, which any manager may report."""
-        for pair in status.values:
-            name, _, rest = pair.key.rpartition('.')
-            if rest != 'state':
-                continue
-            if name == _FORWARDING:
-                self._forward_states[status.name] = one_line(pair.value)
-            elif _HARDWARE in status.name:
-                self._hardware[one_line(name)] = one_line(pair.value)
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        """Record the states of controllers and hardware, which any manager may report."""
+        for status in message.status:
+            for pair in status.values:
+                name, _, rest = pair.key.rpartition('.')
+                if rest == 'state' and name == _FORWARDING:
+                    self._forward_states[status.name] = one_line(pair.value)
+                elif rest == 'state' and _HARDWARE in status.name:
+                    self._hardware[one_line(name)] = one_line(pair.value)
 
     def _take_activity(self, message: Any) -> None:
         """Record the states that the manager of this namespace reports, as soon as they change."""
@@ -214,10 +191,6 @@ class SnapshotNode(GraphMonitor):
         wanted = (name, self.get_namespace())
         return self.get_node_names_and_namespaces().count(wanted)
 
-    def _forward_joints(self) -> tuple[str, ...]:
-        response = self._ask(_FORWARDING, ('joints',))
-        return tuple(response['joints'] or ()) if response else ()
-
     def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
         """Parameters of a node; None if it is not there, or does not respond."""
         if not self._count(node):
@@ -226,3 +199,12 @@ class SnapshotNode(GraphMonitor):
             return self.client.parameters(node, names)
         except CallError:
             return None
+
+
+def _find_activity_type() -> Any:
+    """The type of ros2_control's topic of activity; None if its messages are not installed here."""
+    try:
+        from controller_manager_msgs.msg import ControllerManagerActivity
+    except ImportError:
+        return None
+    return ControllerManagerActivity

@@ -1,0 +1,368 @@
+"""What is missing before a connected arm may move: a verdict on each part of a snapshot."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.errors import RedresError
+from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
+from redres_ros.loop.session import COMMANDING
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.topics import MODE, REASON, SESSION
+from redres_ros.preflight.snapshot import (
+    ACTIVITY,
+    COMMANDS,
+    CONTROLLER,
+    FORWARD,
+    STATES,
+    TWISTS,
+    GraphSnapshot,
+    StateSeen,
+)
+from redres_ros.robot_interface import ROBOT_INTERFACES
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import arm_from_urdf, choose_arm
+from redres_ros.robots.joint_limits import JointLimits
+
+_FEWEST = 10  # states for an estimate of the rate
+_RATE_ERROR = 0.02  # fraction by which the rate may differ
+_HALF = 0.5  # of a period: stamps that jitter by more are ambiguous
+_FEW = 0.01  # fraction of stamps that may jitter by more
+_CLOCKS = 1.0  # [s] by which two clocks may differ without a note
+_NEAR = 0.05  # of a range, from its end
+_MOVING = 0.01  # [rad/s] or [m/s]
+_SAME = 1e-3  # [rad] by which two sources of limits may differ
+_NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
+_CAREFUL = 0.5  # limit_scale above which a note says so
+
+
+class Level(Enum):
+    """How a verdict counts; only a fault makes the check fail."""
+
+    OK = 'ok'
+    NOTE = 'note'
+    FAULT = 'FAULT'
+
+
+class Verdict(NamedTuple):
+    """A sentence on one subject."""
+
+    level: Level
+    subject: str
+    text: str
+
+    def __str__(self) -> str:
+        return f'{self.level.value:<6} {self.subject:<11} {self.text}'
+
+
+_Verdicts = Iterator[Verdict]
+_ok = partial(Verdict, Level.OK)
+_note = partial(Verdict, Level.NOTE)
+_fault = partial(Verdict, Level.FAULT)
+
+
+@dataclass(frozen=True)
+class ExpectedArm:
+    """The arm and the rate that are expected, from the controller's parameters or from the user.
+
+    Attributes:
+        robot: Name, path, or topic.
+        tip_frame: Empty: the arm's own.
+        rate: States a second [Hz].
+        margin: Kept from the ends of the ranges [rad].
+    """
+
+    robot: str
+    tip_frame: str = ''
+    rate: float = 500.0
+    margin: float = 0.0
+
+
+def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
+    """All verdicts, the robot's first; what is expected matters if no controller runs."""
+    if seen.controller:
+        parameters = seen.controller
+        margin = parameters.get('position.margin') or 0.0
+        expected = ExpectedArm(
+            parameters['robot'], parameters['tip_frame'], parameters['rate'], margin
+        )
+    verdicts = [*_judge_states(seen), *_judge_session(seen)]
+    if expected is None:
+        text = 'no controller runs and no --robot is named: joints and limits are not known'
+        verdicts.append(_fault('arm', text))
+    else:
+        verdicts += _judge_stamps(seen.states, expected.rate)
+        verdicts += _judge_arm(seen, expected)
+    return [*verdicts, *_judge_controller(seen), *_judge_commands(seen), *_judge_twists(seen)]
+
+
+def _judge_states(seen: GraphSnapshot) -> _Verdicts:
+    publishers = seen.publishers.get(STATES, ())
+    names = ', '.join(publishers)
+    if not publishers:
+        yield _fault('states', f'{STATES} has no publisher in this ROS domain')
+    elif not seen.states:
+        yield _fault('states', f'{names} publishes {STATES}, but none came; is the robot running?')
+    elif len(publishers) > 1:
+        text = f'{names} publish {STATES}; only one may publish the joints of the arm'
+        yield _note('states', text)
+    else:
+        yield _ok('states', f'from {names}')
+
+
+def _judge_session(seen: GraphSnapshot) -> _Verdicts:
+    reason = seen.words.get(REASON, '')
+    session = seen.words.get(SESSION, '')
+    if reason:
+        yield _fault('session', f'the robot has stopped: {reason}')
+    elif session and session not in COMMANDING:
+        yield _note('session', f'the robot takes no commands yet: {session}')
+    elif session:
+        yield _ok('session', session)
+
+
+def _judge_stamps(states: tuple[StateSeen, ...], rate: float) -> _Verdicts:
+    """Whether the states come in order at the expected rate [Hz]."""
+    if not states:
+        return
+    stamps = np.array([state.stamp for state in states]) / 1e9  # [s]
+    if not stamps.all():
+        yield _fault('stamps', f'{STATES} without a stamp')
+        return
+    stamps = np.unique(stamps)  # a robot that waits for its response sends a state again
+    if len(stamps) < _FEWEST:
+        yield _fault('rate', f'only {len(stamps)} states came; too few to estimate the rate')
+        return
+    period = float(np.median(np.diff(stamps)))  # [s]
+    text = f'{1.0 / period:.4g} states a second'
+    if abs(period * rate - 1.0) > _RATE_ERROR:
+        yield _fault('rate', f'{text}; expected {rate:g}: change the parameter rate')
+    else:
+        yield _ok('rate', text)
+        yield _judge_jitter(states, rate)
+    difference = states[-1].arrived / NANOSECONDS - stamps[-1]
+    if abs(difference) > _CLOCKS:
+        text = f"the robot's clock is {difference:.3g} s from this computer's"
+        yield _note('clock', f'{text}; stamp task velocities 0')
+
+
+def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
+    """Whether the controller, which counts cycles in the same way, can number every state."""
+    cycles = CycleCounter(round(NANOSECONDS / rate))
+    stamps: list[int] = []  # [ns]
+    numbers: list[int] = []
+    refused = 0
+    for state in states:
+        if state.stamp == cycles.newest:
+            continue
+        try:
+            cycles.enter(state.stamp, state.arrived / NANOSECONDS)
+        except ClockError:
+            refused += 1
+            continue
+        stamps.append(state.stamp - states[0].stamp)
+        numbers.append(cycles.number)
+    expected = np.polynomial.Polynomial.fit(numbers, stamps, 1)
+    errors = np.abs(np.array(stamps) - expected(np.array(numbers))) / cycles.period
+    missing = numbers[-1] - numbers[0] + 1 - len(numbers)
+    gaps = f'; {missing} states did not come' if missing else ''
+    text = f'stamps jitter by {100.0 * errors.max():.1f} % of a period at most{gaps}'
+    unclear = refused + int(np.sum(errors > _HALF))
+    if unclear > _FEW * len(states):
+        text += f'; the cycle of {unclear} states is not clear, as they jitter by half a period'
+        return _fault('jitter', text)
+    return _ok('jitter', text)
+
+
+def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
+    """Verdicts on joints, positions, limits and frames: whether the arm is the expected one."""
+    try:
+        if expected.robot != TOPIC:
+            arm = choose_arm(expected.robot, expected.tip_frame)
+        elif seen.description:
+            arm = arm_from_urdf(seen.description, expected.tip_frame)
+        else:
+            raise RedresError(f'the arm comes from {DESCRIPTION}, which has no publisher')
+        model = RobotModel(arm)
+    except RedresError as error:
+        yield _fault('arm', str(error))
+        return
+    limits = JointLimits.of(arm)
+    names = ', '.join(limits.joint_names)
+    yield from _judge_joints(seen.states, limits)
+    # Commands for ros2_control are numbers without names: the order must be the arm's.
+    if seen.forward_joints:
+        text = f'{FORWARD} has the joints {", ".join(seen.forward_joints)}'
+        is_ours = seen.forward_joints == limits.joint_names
+        yield _ok('order', text) if is_ours else _fault('order', f'{text}; expected {names}')
+    if seen.description and expected.robot != TOPIC:
+        yield from _judge_description(seen.description, expected, arm.tip_frame, limits)
+    yield from _judge_frames(seen, model)
+
+
+def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> _Verdicts:
+    ours = [state for state in states if set(limits.joint_names) & state.positions.keys()]
+    if states and not ours:
+        got = ', '.join(states[-1].positions)
+        wanted = ', '.join(limits.joint_names)
+        yield _fault('joints', f'{STATES} holds {got}; expected {wanted}')
+    if not ours:
+        return
+    positions = ours[-1].positions
+    missing = [name for name in limits.joint_names if name not in positions]
+    if missing:
+        yield _fault('joints', f'{STATES} lacks {", ".join(missing)}')
+        return
+    others = ', '.join(name for name in positions if name not in limits.joint_names)
+    ignored = f'; ignored: {others}' if others else ''
+    yield _ok('joints', f'all {len(limits.joint_names)}{ignored}')
+    yield _judge_positions(np.array([positions[name] for name in limits.joint_names]), limits)
+    yield from _judge_standstill(ours[0], ours[-1], limits.joint_names)
+
+
+def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
+    if not np.isfinite(q).all():
+        return _fault('positions', f'{q.tolist()}; every value must be finite')
+    margin = np.minimum(q - limits.lower, limits.upper - q) / (limits.upper - limits.lower)  # (n,)
+    j = int(np.argmin(margin))
+    position = f'{limits.joint_names[j]} is at {q[j]:.3f}'
+    allowed = f'{limits.lower[j]:.3f} to {limits.upper[j]:.3f}'
+    if margin[j] < 0.0:
+        return _fault('positions', f'{position}; allowed: {allowed}')
+    if margin[j] < _NEAR:
+        return _note('positions', f'{position}, near an end of its range {allowed}')
+    return _ok('positions', 'inside all ranges')
+
+
+def _judge_standstill(first: StateSeen, last: StateSeen, names: tuple[str, ...]) -> _Verdicts:
+    elapsed = (last.stamp - first.stamp) / 1e9  # [s]
+    if elapsed <= 0.0 or not first.positions.keys() >= set(names):
+        return
+    speeds = [abs(last.positions[name] - first.positions[name]) / elapsed for name in names]
+    if max(speeds) > _MOVING:
+        fastest = names[int(np.argmax(speeds))]
+        yield _note('standstill', f'the arm moves: {fastest} at {max(speeds):.3g}/s')
+
+
+def _judge_description(
+    description: str, expected: ExpectedArm, tip_frame: str, limits: JointLimits
+) -> _Verdicts:
+    """Whether the arm that is published allows less than the one that is expected."""
+    try:
+        published = JointLimits.of(arm_from_urdf(description, tip_frame))
+    except RedresError as error:
+        yield _note('limits', f'the URDF on {DESCRIPTION} is of another arm: {error}')
+        return
+    for j, name in enumerate(limits.joint_names):
+        if name not in published.joint_names:
+            continue
+        theirs = _limits_of(published, published.joint_names.index(name))
+        ours = _limits_of(limits, j)
+        excess = max(theirs[0] - ours[0], ours[1] - theirs[1]) - expected.margin
+        if max(excess, ours[2] - theirs[2]) > _SAME:
+            texts = ['{:.3f} to {:.3f} at {:.3f}/s'.format(*each) for each in (theirs, ours)]
+            text = f'{name}: {DESCRIPTION} allows {texts[0]}, the arm expected {texts[1]}'
+            yield _fault('limits', text)
+
+
+def _limits_of(limits: JointLimits, j: int) -> tuple[float, float, float]:
+    return limits.lower[j], limits.upper[j], limits.velocity[j]
+
+
+def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> _Verdicts:
+    base = seen.controller['base_frame'] if seen.controller else ''
+    for frame in sorted(seen.twist_frames - {'', base, model.base_frame}):
+        try:
+            model.pose(np.zeros(model.n), frame)
+        except RedresError as error:
+            yield _fault('frames', f'{TWISTS} comes in an {error}')
+            return
+    yield _ok('frames', f'tip {model.arm.tip_frame}, base {base or model.base_frame}')
+
+
+def _judge_controller(seen: GraphSnapshot) -> _Verdicts:
+    if seen.controllers > 1:
+        yield _fault('controller', f'there are {seen.controllers} nodes of that name')
+    if seen.controller is None:
+        yield _fault('controller', 'no controller runs: start redres_controller')
+        return
+    kept = seen.controller['limits']
+    missing = [name for name in _NECESSARY if name not in kept]
+    scale = seen.controller['limit_scale']
+    if missing:
+        text = f'the limits {", ".join(missing)} are not in force: add them to the parameter limits'
+        yield _fault('controller', text)
+    elif scale > _CAREFUL:
+        text = f'limit_scale is {scale:g}; for the first steps on a robot set 0.2'
+        yield _note('controller', text)
+    else:
+        yield _ok('controller', f'keeps {", ".join(kept)} at a scale of {scale:g}')
+
+
+def _judge_commands(seen: GraphSnapshot) -> _Verdicts:
+    if seen.controller is None:
+        if seen.forward_states or seen.hardware:  # a robot behind ros2_control
+            yield from _judge_forwarding(seen)
+        return
+    forwards = ROBOT_INTERFACES[str(seen.controller['robot_interface'])].forwards_commands
+    topic = FORWARD if forwards else COMMANDS
+    subscribers = seen.subscribers.get(topic, ())
+    if subscribers:
+        yield _ok('commands', f'{topic} has the subscribers {", ".join(subscribers)}')
+    else:
+        advice = 'is that controller loaded and active?'
+        if not forwards:
+            advice = 'a robot behind ros2_control needs robot_interface: ros2_control'
+        yield _fault('commands', f'{topic} has no subscriber; {advice}')
+    if forwards and subscribers:
+        yield from _judge_forwarding(seen)
+    for other in (COMMANDS, FORWARD):
+        rivals = [name for name in seen.publishers.get(other, ()) if Path(name).name != CONTROLLER]
+        if rivals:
+            text = f'{", ".join(rivals)} publishes {other} too; only the controller may'
+            yield _fault('commands', text)
+
+
+def _judge_forwarding(seen: GraphSnapshot) -> _Verdicts:
+    """Whether ros2_control's controller takes the commands that reach it: an inactive one has its
+    subscription, too.
+    """
+    states = seen.forward_states
+    command = 'ros2 control switch_controllers --activate forward_position_controller'
+    if states and 'active' not in states:
+        text = f'the forward_position_controller is {", ".join(sorted(states))}: {command}'
+        yield _fault('forwarding', text)
+    elif seen.words.get(MODE) == 'mirroring':
+        text = f'the arm executes no commands: our controller mirrors it; {command}'
+        yield _fault('forwarding', text)
+    elif not states:
+        text = (
+            'no controller_manager reports on /diagnostics whether the forward_position_controller '
+            'is active; one that is not shows in the first motion, within 50 ms'
+        )
+        if seen.publishers.get(ACTIVITY):
+            text += f'. Install controller_manager_msgs here: then {ACTIVITY} can be read, too'
+        yield _note('forwarding', text)
+    else:
+        yield _ok('forwarding', 'the forward_position_controller is active')
+    for name, state in sorted(seen.hardware.items()):
+        if state != 'active':
+            command = f'ros2 control set_hardware_component_state {name} active'
+            yield _note('hardware', f'{name} is {state}: {command}')
+
+
+def _judge_twists(seen: GraphSnapshot) -> _Verdicts:
+    sources = seen.publishers.get(TWISTS, ())
+    names = ', '.join(sources)
+    if not sources:
+        text = f'{TWISTS} has no publisher yet: the planner, redres view or a node of yours'
+        yield _note('task', text)
+    elif len(sources) > 1:
+        yield _note('task', f'{names} publish {TWISTS}; let only one publish at a time')
+    else:
+        yield _ok('task', f'{TWISTS} from {names}')
