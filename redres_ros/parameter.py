@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from redres_ros.errors import RangeError, RepeatedNameError, UnknownNameError
-from redres_ros.files.installed import installed
-from redres_ros.files.plugins import register
+from redres_ros.files.plugins import installed, register
 
 T = TypeVar('T')
 

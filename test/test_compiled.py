@@ -14,7 +14,7 @@ import pytest
 from numba import float64
 
 import redres_ros
-from redres_ros.files.signals import handled, interruptible
+from redres_ros.files.processes import handled, interruptible
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
 

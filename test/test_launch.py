@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.robots import find_arm
 
 ROOT = Path(__file__).resolve().parents[1]

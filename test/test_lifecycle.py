@@ -142,9 +142,7 @@ class TestWithin:
         response = planner._on_start(Trigger.Request(), Trigger.Response())
         assert 'no joint_states' in response.message  # it would begin with a robot
 
-    def test_an_inactive_sim_neither_sends_nor_receives(
-        self, start_inactive: None
-    ) -> None:
+    def test_an_inactive_sim_neither_sends_nor_receives(self, start_inactive: None) -> None:
         sim = SimNode()
         sent = []
         sim._state_publisher = type('Recorder', (), {'publish': sent.append})

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from virtual_graph import _Cycles, virtual_run
 
-from redres_ros.files.remedy import remedy
+from redres_ros.files.installation import remedy
 from redres_ros.nodes import runtime
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.gone import instead_of
@@ -172,10 +172,10 @@ def test_a_remedy_names_the_bare_package_where_ros_has_installed_this_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
-    assert remedy('view', 'viser') == "pip install 'redres_ros[view]'"
+    assert remedy('viser') == "pip install 'redres_ros[view]'"
     marker = tmp_path / 'share/ament_index/resource_index/packages/redres_ros'
     marker.parent.mkdir(parents=True)
     marker.touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    assert remedy('view', 'viser') == 'pip install viser'
-    assert remedy('ros', 'pinocchio') == 'rosdep install --from-paths src --ignore-src'
+    assert remedy('viser') == 'pip install viser'
+    assert remedy('pinocchio') == 'rosdep install --from-paths src --ignore-src'

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from redres_ros.errors import RangeError, RedresError, UnknownNameError, quoted
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.parameter import Parameter, check_parameters, check_value, param, parameters
 from redres_ros.robots import Arm
 

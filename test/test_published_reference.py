@@ -24,7 +24,7 @@ from stand_in import Habits, StandIn, behind_ros2_control
 from virtual_graph import Fault, Graph, VirtualRun, virtual_run
 from wire_faults import lossy, off
 
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.nodes.diagnostics import ERROR
 from redres_ros.nodes.wire import to_nanoseconds
 from redres_ros.robot_model import RobotModel

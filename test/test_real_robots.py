@@ -32,7 +32,7 @@ from test_urdf import PARTS, urdf
 from ur_linear_axis import ur_linear_axis
 from virtual_graph import Graph
 
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.files.yaml import read_yaml
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose

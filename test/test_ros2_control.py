@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray
 from virtual_graph import Graph
 from wire_faults import off
 
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm

@@ -8,7 +8,7 @@ import yaml
 
 from redres_ros import RedresError, RobotModel, load_task
 from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 
 SHIPPED = sorted(path.stem for path in share_path('config/tasks').glob('*.yaml'))
 

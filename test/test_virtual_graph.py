@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import late, off
 
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.planning.task_executor import TaskState
 

@@ -103,7 +103,7 @@ def _line(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError):
         if (error.name or '').startswith('redres_ros'):
             raise error
-        from redres_ros.files.remedy import not_installed
+        from redres_ros.files.installation import not_installed
 
         return not_installed(error.name or '')
     if isinstance(error, OSError) and error.strerror:

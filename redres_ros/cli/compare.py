@@ -88,7 +88,7 @@ def _compare_many(options: argparse.Namespace) -> int:
 
     from redres_ros.cli.controller import case_of, in_use
     from redres_ros.cli.gains import check_gains
-    from redres_ros.files.signals import handle
+    from redres_ros.files.processes import handle
     from redres_ros.simulation.batch import batch
     from redres_ros.simulation.random_tasks import RANDOM_TASKS
     from redres_ros.simulation.report import print_tables, progress_bar

@@ -68,7 +68,7 @@ def _add_results(parser: Any) -> None:
 
 def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.demo_results import after, before, check_page, write_results
-    from redres_ros.files.signals import handle, handled
+    from redres_ros.files.processes import handle, handled
     from redres_ros.nodes.runtime import own_domain
     from redres_ros.simulation.report import progress_bar
 

@@ -184,7 +184,7 @@ _READINGS: dict[type | None, Callable[[str], Any]] = {
 
 def version() -> str:
     """This package's name and version."""
-    from redres_ros.files.share import share_path
+    from redres_ros.files.installation import share_path
 
     text = share_path('package.xml').read_text(encoding='utf-8')
     return 'redres_ros ' + text.partition('<version>')[2].partition('<')[0]

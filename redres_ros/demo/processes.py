@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.errors import RedresError
-from redres_ros.files.processes import module_command, module_environment
-from redres_ros.files.signals import handled
+from redres_ros.files.processes import handled, module_command, module_environment
 from redres_ros.nodes.runtime import PARENT
 from redres_ros.planning.waypoints import WaypointTask
 

@@ -13,11 +13,7 @@ from redres_ros.errors import FileError, reason_of
 
 
 def read_file(path: Path, largest: int) -> bytes:
-    """The content of a file.
-
-    Args:
-        path: Path of a regular file; a pipe or a device may never end.
-        largest: Size that is allowed [bytes].
+    """The content of a regular file of an allowed size [bytes]; a pipe or a device may never end.
 
     Raises:
         OSError: It cannot be opened.
@@ -51,14 +47,9 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def write_json(content: Mapping[str, object], path: Path) -> None:
-    """Write figures by name; null for NaN and infinity, which JSON does not know.
+    """Write values by name; null for NaN and infinity, which JSON does not know.
 
-    Args:
-        content: What JSON can hold.
-        path: Path of the file.
-
-    Raises:
-        FileError: It cannot be written.
+    Raises FileError.
     """
     with writing(path):
         path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')

@@ -13,7 +13,7 @@ from typing import Any
 import numba
 from numba import types
 
-from redres_ros.files.signals import interruptible
+from redres_ros.files.processes import interruptible
 
 # Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
 _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])

@@ -6,7 +6,7 @@ from importlib import import_module
 from itertools import takewhile
 
 from redres_ros.errors import RedresError, reason_of
-from redres_ros.files.remedy import not_installed
+from redres_ros.files.installation import not_installed
 
 _ROS = '--ros-args'
 _PURPOSES = {
@@ -63,7 +63,7 @@ sim = partial(run_node, 'sim')
 
 
 def _help(name: str, options: tuple[str, ...]) -> str:
-    from redres_ros.files.share import share_path
+    from redres_ros.files.installation import share_path
 
     called = ' '.join([f'redres_{name}', *(f'[{option}]' for option in options)])
     return f"""\

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.files.signals import handled
+from redres_ros.files.processes import handled
 from redres_ros.nodes.parameters import ParameterError, declare
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.parameter import param

@@ -23,8 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RangeError, RedresError, reason_of
-from redres_ros.files.processes import end_with_parent, open_error_output
-from redres_ros.files.signals import handle
+from redres_ros.files.processes import end_with_parent, handle, open_error_output
 from redres_ros.nodes.parameters import misspelt
 from redres_ros.types import Seconds
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
-from redres_ros.files.share import share_path
+from redres_ros.files.installation import share_path
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 from redres_ros.robots.from_urdf import square_before_tip

@@ -11,13 +11,13 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError, reason_of
-from redres_ros.files.remedy import remedy
+from redres_ros.files.installation import remedy
 from redres_ros.files.text import read_file
 
 if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for numpy 1.26, too
     raise ImportError(
         f'got Pinocchio {pin.__version__} in {pin.__file__}; allowed: 3.3.1 or newer; '
-        f'remove it, then: {remedy("ros", "pinocchio")}'
+        f'remove it, then: {remedy("pinocchio")}'
     )
 
 _LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand

@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from redres_ros.errors import RedresError
-from redres_ros.files.processes import end_with_parent
-from redres_ros.files.signals import handle
+from redres_ros.files.processes import end_with_parent, handle
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')

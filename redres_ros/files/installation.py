@@ -1,0 +1,64 @@
+"""The installation of this package: its share files, and how to install what is missing."""
+
+import os
+import sys
+from pathlib import Path
+
+from redres_ros.errors import FileError
+
+# Extras that bring a module; all others come with [ros].
+_EXTRAS = {'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
+_FOR = {'mujoco': 'the fake robot needs mujoco, which'}
+_MARKER = 'share/ament_index/resource_index/packages/redres_ros'
+# In package.xml. pip would bring another numpy than the one that the distribution's packages take.
+_BY_ROSDEP = {'matplotlib', 'numba', 'numpy', 'pinocchio', 'rich', 'scipy', 'yaml'}
+
+
+def share_path(relative: str) -> Path:
+    """Path of a share file such as 'config/tasks/rectangle.yaml'. Raises FileError that lists the
+    places searched.
+
+    The checkout comes first, because `pip install -e` installs no share files; then the prefix that
+    this very package is installed under, which pip and colcon fill alike; then the overlays of a
+    sourced ROS workspace, for a package that was moved.
+    """
+    here = Path(__file__).resolve()
+    checkout = here.parents[2]
+    prefix = here.parents[
+        5:6
+    ]  # of <prefix>/lib/python3.x/site-packages/redres_ros/files/installation.py
+    overlays = [
+        Path(overlay)
+        for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+        if overlay
+    ]
+    roots = [checkout] if (checkout / 'package.xml').is_file() else []
+    roots += [place / 'share/redres_ros' for place in (*prefix, *overlays)]
+    for root in roots:
+        if (root / relative).exists():
+            return root / relative
+    raise FileError(f'{relative} is not installed; looked in {", ".join(map(str, roots))}')
+
+
+def not_installed(module: str) -> str:
+    """One line on a module that is missing, and how to get it."""
+    what = _FOR.get(module, f'the package {module}')
+    return f'{what} is not installed; install it with: {remedy(module)}'
+
+
+def remedy(module: str) -> str:
+    """The command that installs a module: by pip as an extra of this package; in a ROS workspace by
+    rosdep, or as a single package.
+    """
+    if not _is_in_workspace():
+        return f"pip install 'redres_ros[{_EXTRAS.get(module, 'ros')}]'"
+    if module in _BY_ROSDEP:
+        return 'rosdep install --from-paths src --ignore-src'
+    return f'pip install {module}'
+
+
+def _is_in_workspace() -> bool:
+    """Whether ROS's own tools have installed this package, as colcon does."""
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    others = [prefix for prefix in prefixes if prefix and prefix != sys.prefix]
+    return any((Path(prefix) / _MARKER).exists() for prefix in others)
