@@ -20,6 +20,7 @@ JointTorques = Annotated[np.ndarray, '(n,) [Nm]']
 InertiaMatrix = Annotated[np.ndarray, '(n, n) [kg m^2]']
 
 TaskVelocity = Annotated[np.ndarray, '(m,) [m/s], then [rad/s]']
+TaskAcceleration = Annotated[np.ndarray, '(m,) [m/s^2], then [rad/s^2]']
 Jacobian = Annotated[np.ndarray, '(m, n)']
 JacobianDerivatives = Annotated[np.ndarray, '(n, m, n), dJ/dq_i']
 Position = Annotated[np.ndarray, '(3,) [m]']

@@ -7,17 +7,18 @@ from functools import cached_property
 
 import numpy as np
 
-from redres_ros.command import Command, norms
+from redres_ros.command import norms
 from redres_ros.errors import ArrayError
 from redres_ros.fake_robot.faults import Faults, FaultyPlant
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
-from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.closed_loop import PATIENCE, Client
-from redres_ros.simulation.recording import MotionRecorder, Recording
+from redres_ros.simulation.closed_loop import Client, run
+from redres_ros.simulation.recording import Recording
+from redres_ros.types import JointPositions
 
 AFTERMATH = 1.0  # [s] for which the arm is still watched after the task or the robot's stop
 WINDOW = 400  # W, samples of the filter that differentiates
@@ -152,8 +153,18 @@ def experiment(
     limits = JointLimits.of(arm)
     if not stops:
         limits = replace(limits, acceleration=_NO_STOP * limits.acceleration)
-    robot = FakeRobot(FaultyPlant(plant, sensing.faults, sensing.seed), limits)
-    return _Run(client, task, robot, sensing).result()
+    robot = _Arm(FakeRobot(FaultyPlant(plant, sensing.faults, sensing.seed), limits), sensing)
+    planner = Planner(task, client.model.tip(robot.q)[0])
+    ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
+    recording = run(client, task, source=planner, plant=robot, ahead=ahead)
+    for _ in range(round(AFTERMATH / client.T)):
+        q_ref = robot.q
+        if not robot.stop_reason:
+            x, _ = client.model.tip(robot.q)
+            t = len(robot.shown) * client.T
+            q_ref = client.update(robot.q, planner.reference(x, t + ahead).dx).q_ref
+        robot.step(q_ref)
+    return Experiment(recording, robot.stop_reason, np.array(robot.shown))
 
 
 @dataclass(frozen=True)
@@ -207,79 +218,38 @@ def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
     return differentiate(q, T).dq
 
 
-class _Run:
-    """One client at one robot."""
+class _Arm:
+    """The fake robot as the arm of a loop, in command mode, and a record of its positions.
 
-    def __init__(
-        self, client: Client, task: WaypointTask, robot: FakeRobot, sensing: Sensing
-    ) -> None:
-        self._client = client
-        self._task = task
+    Attributes:
+        shown: Measured positions since then, some of them a cycle late, (n,) [rad] each.
+    """
+
+    def __init__(self, robot: FakeRobot, sensing: Sensing) -> None:
         self._robot = robot
         self._late = sensing.recorded_late
         self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders
-        self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
-        self._unachieved: np.ndarray | None = None  # (m,) [m/s] of the last command
         self._sent: tuple[ClientCommand, ...] = ()  # for the state of the tick before
-        self._measured: list[np.ndarray] = []  # (n,) [rad] since the task began
-        self._shown: list[np.ndarray] = []  # the same as recorded, some of it a cycle late
-        while not robot.session.commanding and not robot.session.reason:
-            self._advance(robot.plant.q)
-        self._planner = Planner(task, client.model.tip(robot.plant.q)[0])
+        self._last: np.ndarray | None = None  # (n,) [rad] measured in the tick before
+        self.shown: list[np.ndarray] = []
+        self.q = robot.plant.q
+        self.stop_reason = ''
+        while not robot.session.commanding and not self.stop_reason:
+            self._advance(self.q)
 
-    def result(self) -> Experiment:
-        recording = self._follow()
-        for _ in range(round(AFTERMATH / self._client.T)):
-            if self._robot.session.reason:
-                self._record()
-                self._advance(self._robot.plant.q)
-            else:
-                self._command(self._reference())
-        return Experiment(recording, self._robot.session.reason, np.array(self._shown))
+    def step(self, q_ref: JointPositions) -> None:
+        shown = self.q.copy()
+        if self._late and self._last is not None:
+            late = self._random.random(len(shown)) < self._late
+            shown[late] = self._last[late]
+        self.shown.append(shown)
+        self._last = self.q
+        self._advance(q_ref)
 
-    @property
-    def _t(self) -> float:
-        return len(self._shown) * self._client.T
-
-    def _follow(self) -> Recording:
-        """Run until the task is finished, the robot has stopped, or it took too long."""
-        motion = MotionRecorder(self._client.model, self._client.T)
-        limit = PATIENCE * self._task.segments * self._task.segment_time
-        while (t := self._t) < limit:
-            reference = self._reference()
-            if reason := self._robot.session.reason:
-                return motion.recording(f'stopped after {t:.3f} s: {reason}')
-            if reference.finished:
-                ending = f'reached the last point after {t:.3f} s'
-                return motion.recording(ending, finished=True)
-            motion.add(t, self._command(reference), reference)
-        return motion.recording(f'did not reach the last point within {limit:g} s')
-
-    def _reference(self) -> Reference:
-        x, _ = self._client.model.tip(self._robot.plant.q)
-        return self._planner.reference(x, self._t + self._ahead, unachieved=self._unachieved)
-
-    def _command(self, reference: Reference) -> Command:
-        """A cycle with the client's next reference."""
-        command = self._client.update(self._robot.plant.q, reference.dx)
-        self._ahead -= (1.0 - command.s) * self._client.T
-        self._unachieved = command.unachieved
-        self._record()
-        self._advance(command.q_ref)
-        return command
-
-    def _record(self) -> None:
-        """Record the measured positions, some of them a cycle late."""
-        q = self._robot.plant.q
-        shown = q.copy()
-        if self._late and self._measured:
-            late = self._random.random(len(q)) < self._late
-            shown[late] = self._measured[-1][late]
-        self._measured.append(q)
-        self._shown.append(shown)
-
-    def _advance(self, q_ref: np.ndarray) -> None:
+    def _advance(self, q_ref: JointPositions) -> None:
         """A cycle: the robot goes on by the last command; q_ref is that for its present state."""
         commands = self._sent
         self._sent = (ClientCommand(self._robot.tick, q_ref),)
         self._robot.advance(*commands)
+        self.q = self._robot.plant.q
+        self.stop_reason = self._robot.session.reason

@@ -20,11 +20,13 @@ from redres_ros.preferences import Preference
 from redres_ros.resolution import Solution, Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.types import (
+    Jacobian,
     JointAccelerations,
     JointPositions,
     JointTorques,
     JointVelocities,
     Seconds,
+    TaskAcceleration,
     TaskVelocity,
     finite_vector,
 )
@@ -47,7 +49,7 @@ class Scheme(ABC):
 
     @abstractmethod
     def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
     ) -> JointAccelerations:
         """ddq for a task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq."""
 
@@ -74,7 +76,7 @@ class MinimumAccelerationScheme(Scheme):
     """
 
     def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
     ) -> JointAccelerations:
         J_pinv = self.pseudoinverse(state)
         ddq_N = self.preferred(state)
@@ -90,12 +92,14 @@ class TorqueScheme(Scheme):
     """
 
     def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
     ) -> JointAccelerations:
         return model.acceleration(state.q, state.dq_prev, self.torque(state, ddx, dJ_dq))
 
     @abstractmethod
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
+    def torque(
+        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
+    ) -> JointTorques:
         """tau for a task acceleration; see acceleration()."""
 
 
@@ -105,7 +109,9 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
     Eq. (18).
     """
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
+    def torque(
+        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
+    ) -> JointTorques:
         J = state.J[:3]
         M = state.M
         J_pinv = self.pseudoinverse(state)
@@ -118,7 +124,9 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
 class DynamicallyConsistentScheme(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
+    def torque(
+        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
+    ) -> JointTorques:
         J = state.J[:3]
         M = state.M
         tau_N = M @ self.preferred(state)  # Eq. (34)
@@ -145,7 +153,9 @@ class MinimumTorqueScheme(TorqueScheme):
     in the norm of M^2 is T |tau - tau_N|.
     """
 
-    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> JointTorques:
+    def torque(
+        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
+    ) -> JointTorques:
         A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
         A_pinv = _pseudoinverse(A)
         tau_N = state.M @ self.preferred(state)
@@ -179,6 +189,8 @@ def make_scheme(name: str, damping: float = 10.0, preference: Preference | None 
 class SecondOrderController:
     """Turns task velocities into joint velocities by a scheme of second order, sampled and
     integrated. Used like a Controller for a position task; before the first update all is at rest.
+
+    Raises RangeError for a T that is not allowed.
     """
 
     def __init__(self, model: RobotModel, scheme: Scheme, T: Seconds) -> None:
@@ -212,7 +224,7 @@ def step(
     scheme: Scheme,
     T: Seconds,
     state: RobotState,
-    J_prev: np.ndarray,
+    J_prev: Jacobian,
     dx: TaskVelocity,
     dx_prev: TaskVelocity,
 ) -> JointVelocities:

@@ -16,7 +16,6 @@ _AT_START = 1e-3  # [m] up to which q(0) is at x_0
     ASSUMPTION,
 )
 def geometry(runs: Runs) -> Finding:
-    """The two lengths, and what they explain."""
     arm = find_arm(runs.task.robot)
     bare = RobotModel(find_arm(runs.task.robot, base_offset=0.0, tool_offset=0.0))
     miss, bare_miss = (_miss(runs, model) for model in (runs.model, bare))
@@ -39,7 +38,6 @@ def geometry(runs: Runs) -> Finding:
     ASSUMPTION,
 )
 def switching(runs: Runs) -> Finding:
-    """Our rule beside the literal one, by the rise of the peaks that the paper reports."""
     rest = runs['simulated_23']
     early = runs['early_23']
     rises = {}

@@ -10,7 +10,6 @@ from redres_ros.resolution import resolve
 
 @claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)')
 def resting_place(runs: Runs) -> Finding:
-    """A task that has vanished: where the joints come to rest, against (B.2)."""
     T = SIMULATION_T
     first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
     start = runs.task.start
@@ -32,7 +31,6 @@ def resting_place(runs: Runs) -> Finding:
     'beyond: diverges',
 )
 def regimes(runs: Runs) -> Finding:
-    """Signs and growth of a null-space velocity for k_d T = 0.5, 1.5, 2 and 2.5."""
     seen = {}
     for fraction in (0.5, 1.5, 2.0, 2.5):
         dq = np.ones(1)
@@ -56,7 +54,6 @@ def regimes(runs: Runs) -> Finding:
 
 @claim('B', 'With lambda = 0 the joints stop at the next step, at the cost of a high acceleration')
 def stops_at_once(runs: Runs) -> Finding:
-    """A task that has vanished, and the largest damping."""
     T = SIMULATION_T
     first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
     law = make_law('minimum_acceleration', damping=1.0 / T)
@@ -73,7 +70,6 @@ def stops_at_once(runs: Runs) -> Finding:
 
 @claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
 def full_damping(runs: Runs) -> Finding:
-    """Scheme (22) with k_d = 1/T and law (2), each in a closed loop of its own."""
     return same_velocities(runs['difference_2'].max)
 
 

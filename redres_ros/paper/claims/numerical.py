@@ -20,7 +20,6 @@ from redres_ros.simulation.recording import Recording
     'Without damping the joints float on the self-motion manifold; null-space damping removes that',
 )
 def drift(runs: Runs) -> Finding:
-    """Null-space velocity where the tip rests between two segments, without and with damping."""
     tick = round(runs.task.segment_time / SIMULATION_T) - 1
     without, damped = (
         float(run['null_velocity_norm'][tick])
@@ -39,7 +38,6 @@ def drift(runs: Runs) -> Finding:
     'unlike with the plain torque norm',
 )
 def bounded(runs: Runs) -> Finding:
-    """Fastest joint motion over two rounds, torque norms without damping."""
     weighted: list[float] = []
     plain: list[float] = []
     listed = []
@@ -61,7 +59,6 @@ def bounded(runs: Runs) -> Finding:
 
 @claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)')
 def equivalence_damped(runs: Runs) -> Finding:
-    """Fig. 5."""
     return _equivalence(runs['simulated_23'], runs['simulated_22'])
 
 
@@ -90,7 +87,6 @@ def peaks(runs: Runs) -> Finding:
 
 @claim('5.1', 'Law and scheme still behave alike without damping')
 def equivalence_undamped(runs: Runs) -> Finding:
-    """The same without damping, where the loop itself amplifies rounding."""
     found = runs['difference_15']
     return Finding(
         found.max <= ROUNDING,
@@ -102,7 +98,6 @@ def equivalence_undamped(runs: Runs) -> Finding:
 
 @claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)')
 def faster(runs: Runs) -> Finding:
-    """Peaks of |dq| in Figs. 4 and 7."""
     (damped, _), (law_35, _) = (
         run.peak('joint_velocity_norm') for run in (runs['simulated_23'], runs['simulated_35'])
     )
@@ -113,13 +108,11 @@ def faster(runs: Runs) -> Finding:
 
 @claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)')
 def equivalence_35(runs: Runs) -> Finding:
-    """Fig. 8."""
     return _equivalence(runs['simulated_35'], runs['simulated_29'])
 
 
 @claim('4, A', 'So do the other torque laws and their schemes')
 def equivalence_others(runs: Runs) -> Finding:
-    """The torque laws that the paper converts but does not draw."""
     found = {law: runs[f'difference_{law}'] for law in TORQUE_LAWS}
     listed = ', '.join(
         f'{name} {d.max:.0e} / {d.same_past.max():.0e} rad/s' for name, d in found.items()

@@ -58,7 +58,6 @@ def square_task(runs: Runs) -> Finding:
     'the sampled laws tend to the continuous schemes',
 )
 def proportional(runs: Runs) -> Finding:
-    """Order of convergence to the continuous scheme on the first segment."""
     orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
     return Finding(
         all(0.9 <= order <= 1.1 for order in orders.values()),
@@ -69,7 +68,6 @@ def proportional(runs: Runs) -> Finding:
 
 @claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
 def two_forms(runs: Runs) -> Finding:
-    """(15) against (17) with an explicit pseudoinverse."""
     worst = 0.0
     for state, dq in _states(runs['simulated_15'], runs.model):
         J_pinv = np.linalg.pinv(state.J[:3])
@@ -86,7 +84,6 @@ def two_forms(runs: Runs) -> Finding:
     'Near a singularity the task is deformed, but the change of the velocity is still minimised',
 )
 def damped_variation(runs: Runs) -> Finding:
-    """An arm that is nearly stretched, with velocities at random."""
     random = np.random.default_rng(0)
     deformation = 0.0
     residual = 0.0
@@ -110,7 +107,6 @@ def damped_variation(runs: Runs) -> Finding:
     '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
 )
 def auxiliary_task(runs: Runs) -> Finding:
-    """Joint centering beside damping."""
     return same_velocities(runs['difference_19'].max)
 
 
@@ -119,7 +115,6 @@ def auxiliary_task(runs: Runs) -> Finding:
     'Law (20) executes several tasks in order of priority with the least change of the velocity',
 )
 def several_tasks(runs: Runs) -> Finding:
-    """The position of the tip and the height of the elbow, against (20) written out."""
     T = SIMULATION_T
     elbow = runs.model.elbow_frame
     dx_2 = np.array([0.05])  # [m/s]
@@ -155,7 +150,6 @@ def several_tasks(runs: Runs) -> Finding:
     'lets it drift at constant velocity, damping brings it to rest',
 )
 def unneeded_joint(runs: Runs) -> Finding:
-    """Joint 7, whose column of J is zero, along the paper's task."""
     T = SIMULATION_T
     first = 0.1  # [rad/s] of joint 7 before the first tick
     laws = {
@@ -186,7 +180,6 @@ def unneeded_joint(runs: Runs) -> Finding:
 
 @claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)')
 def special_case_35(runs: Runs) -> Finding:
-    """(32) with the damping torque (34) against (35), written out."""
     T = SIMULATION_T
     worst = 0.0
     for state, dq in _states(runs['simulated_35'], runs.model):
@@ -203,7 +196,6 @@ def special_case_35(runs: Runs) -> Finding:
 
 @claim('7', 'The velocity laws cost no more computation than the second-order schemes')
 def cost(runs: Runs) -> Finding:
-    """Time of a tick of each law and of its scheme, measured in turns."""
     ratios = {}
     state, moved = next(_states(runs['simulated_23'], runs.model, 1000))
     dx = state.J[:3] @ moved
