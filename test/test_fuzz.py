@@ -6,9 +6,7 @@ own. Some hundreds in all; with REDRES_NIGHTLY=1 ten thousand.
 """
 
 import math
-import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,17 +16,12 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import (
     NAMES,
     PERIOD,
     START,
-    Observer,
-    await_that,
-    graph,
-    log_lines,
     to_joint_state,
 )
 from nightly import NIGHTLY
@@ -298,74 +291,5 @@ class TestCallbacks:
             assert all(word in descriptor.additional_constraints for word in words)
         return True
 
-    def test_a_parameter_that_no_node_has_is_refused(self, sim):
-        with pytest.raises(rclpy.exceptions.ParameterNotDeclaredException):
-            sim.set_parameters([Parameter('no_such_parameter', value=1.0)])
-
 
 # --- over DDS -------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope='class')
-def live(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[tuple[Observer, dict[str, Any], Path]]:
-    """Nodes in processes of their own, and publishers on all that they listen to."""
-    directory = tmp_path_factory.mktemp('live')
-    with graph(Observer) as (observer, start):
-        started = {
-            name: start(name, directory / f'{name}.log', rate=100.0)
-            for name in ('sim', 'controller', 'planner')
-        }
-        publishers = {
-            topic: observer.create_publisher(kind, topic, 10)
-            for topic, kind in (
-                ('joint_states', JointState),
-                ('joint_command', JointState),
-                ('cartesian_velocity', TwistStamped),
-            )
-        }
-        await_that(
-            lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
-            'the nodes',
-        )
-        yield observer, publishers | started, directory
-
-
-@pytest.mark.nightly
-class TestOverDds:
-    """Nodes in processes of their own."""
-
-    @few
-    @given(joint_states(), joint_states(), twists())
-    def test_over_dds_random_messages_are_refused_without_an_end(self, live, state, command, twist):
-        observer, graph_parts, _ = live
-        for topic, message in (
-            ('joint_states', state),
-            ('joint_command', command),
-            ('cartesian_velocity', twist),
-        ):
-            graph_parts[topic].publish(message)
-        # A node that it brought down is found here, or after the next message.
-        states = len(observer.states)
-        await_that(lambda: len(observer.states) > states, 'a state of the sim', every=0.001)
-        for name in ('sim', 'controller', 'planner'):
-            graph_parts[name].check()
-
-    def test_after_all_that_the_live_nodes_are_as_good_as_new(self, live):
-        observer, graph_parts, directory = live
-
-        def commands() -> list[tuple[np.ndarray, np.ndarray]]:
-            """To states of the sim; those that were thrown are stamped at any time but now."""
-            real = {
-                stamp for stamp, _ in observer.states if abs(stamp - time.time_ns()) < 3600 * 10**9
-            }
-            return [(q_ref, dq) for stamp, q_ref, dq in observer.commands if stamp in real]
-
-        before = len(commands())
-        await_that(lambda: len(commands()) > before + 100, 'commands')
-        for name in ('sim', 'controller', 'planner'):
-            graph_parts[name].check()
-            lines = log_lines(directory, name)
-            assert not any('Traceback' in line for line in lines)
-        assert all(np.isfinite(q_ref).all() and np.isfinite(dq).all() for q_ref, dq in commands())

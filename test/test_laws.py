@@ -9,7 +9,7 @@ import pytest
 from doubles import FloatingArm, SpringLaw
 from scipy.linalg import null_space
 
-from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, resolve
+from redres_ros import LAWS, Law, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import law_name
 from redres_ros.parameter import parameters
@@ -84,14 +84,6 @@ def test_the_weight_is_symmetric_and_positive_definite(cls, states):
 
 
 @EVERY_LAW
-def test_the_bias_is_a_joint_velocity(cls, states):
-    bias = cls().bias(states[0], T)
-    assert bias.shape == (7,)
-    assert bias.dtype == np.float64
-    assert np.isfinite(bias).all()
-
-
-@EVERY_LAW
 def test_a_law_is_a_pure_function_of_the_state(cls, states):
     law = cls()
     state = states[0]
@@ -105,15 +97,6 @@ def test_a_law_is_a_pure_function_of_the_state(cls, states):
 
 
 @EVERY_LAW
-def test_a_bias_that_is_overwritten_does_no_harm(cls, states):
-    law = cls()
-    state = states[0]
-    first = solve(law, state)
-    law.bias(state, T)[:] = np.nan
-    assert (solve(law, state) == first).all()
-
-
-@EVERY_LAW
 def test_every_gain_has_a_description_and_a_range_that_holds_its_default(cls):
     for field, parameter in parameters(cls).items():
         assert '[' in parameter.description
@@ -122,13 +105,7 @@ def test_every_gain_has_a_description_and_a_range_that_holds_its_default(cls):
 
 
 @EVERY_LAW
-def test_damping_that_is_not_a_number_is_refused(cls):
-    with pytest.raises(RangeError, match='damping is nan'):
-        cls(damping=np.nan)
-
-
-@EVERY_LAW
-@pytest.mark.parametrize('damping', [-1e-9, -1.0, np.inf])
+@pytest.mark.parametrize('damping', [-1e-9, np.inf, np.nan])
 def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damping):
     with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to'):
         cls(damping=damping)
@@ -136,12 +113,7 @@ def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damp
 
 @EVERY_LAW
 @pytest.mark.parametrize(
-    ('damping', 'T', 'bound'),
-    [
-        (1000.1, 0.001, '1000'),
-        (501.0, 0.002, '500'),
-        (2000.0, 0.001, '1000'),
-    ],
+    ('damping', 'T', 'bound'), [(1000.1, 0.001, '1000'), (501.0, 0.002, '500')]
 )
 def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
     cls, damping, T, bound
@@ -158,52 +130,13 @@ def test_damping_of_exactly_one_over_the_sampling_time_is_allowed(cls, T):
     cls(damping=1.0 / T).check_damping(T)
 
 
-@EVERY_LAW
-def test_the_controller_runs_it_without_knowing_it(cls, model, task):
-    controller = Controller(model, cls(), T)
-    dx = np.array((0.0, 0.05, 0.0))
-    q = task.start
-    for _ in range(20):
-        command = controller.update(q, dx)
-        assert same(command.dq, solve(cls(), command.state, dx))
-        assert np.linalg.norm(command.J @ command.dq - dx) < 1e-9
-        q = command.q_ref
-
-
-def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
-    controller = Controller(model, SpringLaw(damping=4.0), 0.01)
-    q = task.start  # critically damped, 2/s
-    for _ in range(1000):
-        q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
-    assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-6
-    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls
-    # tenfold every 2.5 s
-    # or faster (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
-    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J[:3]).T @ q) < 1e-3
-
-
 # --- the table ------------------------------------------------------------------------------------
-
-
-def test_the_six_laws_of_the_paper_have_their_names():
-    assert set(LAWS) >= {
-        'minimum_velocity',
-        'minimum_acceleration',
-        'minimum_kinetic_energy',
-        'minimum_weighted_torque',
-        'dynamically_consistent',
-        'minimum_torque',
-    }
 
 
 @pytest.mark.parametrize('name', LAWS)
 def test_a_law_is_made_by_name_with_its_gains(name):
     assert make_law(name, damping=3.0) == LAWS[name](damping=3.0)
     assert law_name(make_law(name)) == name
-
-
-def test_a_law_outside_the_table_is_called_by_its_class():
-    assert law_name(SpringLaw()) == 'SpringLaw'
 
 
 def test_an_unknown_law_is_refused_with_the_names_that_exist():
@@ -231,7 +164,7 @@ def test_minimum_velocity_is_the_pseudoinverse(states):
         )  # Eq. (2)
 
 
-@pytest.mark.parametrize('damping', [0.0, 10.0])
+@EVERY_DAMPING
 def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_velocity(
     damping, states
 ):
@@ -242,40 +175,6 @@ def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_veloc
         assert same(
             solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev
         )  # Eq. (15), (23)
-
-
-def test_the_two_forms_of_minimum_acceleration_agree(states):
-    for state in states:
-        law = make_law('minimum_acceleration', damping=0.0)
-        correction = np.linalg.pinv(state.J[:3]) @ (DX - state.J[:3] @ state.dq_prev)
-        assert same(solve(law, state), state.dq_prev + correction)  # Eq. (17)
-
-
-def test_full_damping_turns_minimum_acceleration_into_minimum_velocity(states):
-    for state in states:
-        assert (
-            solve(make_law('minimum_acceleration', damping=FORGOTTEN), state)
-            == solve(make_law('minimum_velocity'), state)
-        ).all()
-
-
-def test_with_full_damping_dynamic_consistency_forgets_the_last_velocity(states):
-    law = make_law('dynamically_consistent', damping=FORGOTTEN)
-    for state in states:
-        M_inv = np.linalg.inv(state.M)
-        J_M = (
-            M_inv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ M_inv @ state.J[:3].T)
-        )  # Eq. (A.5)
-        P_M = np.eye(7) - J_M @ state.J[:3]  # Eq. (33)
-        assert same(solve(law, state), J_M @ DX - T * P_M @ M_inv @ state.n)  # Eq. (35)
-
-
-def test_minimum_kinetic_energy_has_the_least_of_all_motions_that_execute_the_task(states):
-    random = np.random.default_rng(1)
-    for state in states[:20]:
-        dq = solve(make_law('minimum_kinetic_energy'), state)
-        others = dq + random.normal(size=(50, 4)) @ null_space(state.J[:3]).T
-        assert (np.einsum('ki,ij,kj->k', others, state.M, others) >= dq @ state.M @ dq).all()
 
 
 # --- the torque-level schemes, one tick with the rules (8), (9), (10) -----------------------------
@@ -415,12 +314,6 @@ def test_free_motion_ends_where_appendix_b_says(name, damping, states):
 def test_free_motion_never_turns_back_within_the_allowed_damping(name, damping, states):
     steps = np.diff(free_motion(name, damping, states[0], 300), axis=0) * np.sign(states[0].dq_prev)
     assert (steps > -1e-15).all()  # half an ulp of q
-
-
-@WITH_MEMORY
-def test_free_motion_turns_back_beyond_the_allowed_damping(name, states):
-    steps = np.diff(free_motion(name, 1.2 / T, states[0], 5), axis=0) * np.sign(states[0].dq_prev)
-    assert (steps[1] < 0.0).all()
 
 
 def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from scipy.linalg import null_space
 
 from redres_ros import (
     LAWS,
@@ -25,7 +24,6 @@ from redres_ros import (
     make_preference,
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.parameter import parameters
 from redres_ros.policy import make_policy
 from redres_ros.robots import ARMS
 
@@ -77,24 +75,6 @@ def test_the_acceleration_grows_with_the_gain(name, states):
         once = preference.acceleration(state)
         assert once.shape == (7,)
         assert twice.acceleration(state) == pytest.approx(2.0 * once, rel=1e-12)
-
-
-@EVERY_PREFERENCE
-def test_a_preference_is_a_pure_function_of_the_state(name, states):
-    preference = begun(name, states[0])
-    before = states[0].q.copy()
-    first = preference.acceleration(states[0])
-    preference.acceleration(states[1])
-    assert (preference.acceleration(states[0]) == first).all()
-    assert (states[0].q == before).all()
-
-
-@EVERY_PREFERENCE
-def test_every_gain_has_a_description(name):
-    cls = PREFERENCES[name]
-    assert all(
-        '[' in parameter.description or parameter.choices for parameter in parameters(cls).values()
-    )
 
 
 @EVERY_PREFERENCE
@@ -176,28 +156,6 @@ def test_a_preference_is_the_gradient_of_its_measure(preference, measure, factor
 # --- what they are for ----------------------------------------------------------------------------
 
 
-def rested(model: RobotModel, q: np.ndarray, *preferences: Preference) -> np.ndarray:
-    """Where the arm comes to rest while its tip stands, (7,)."""
-    law = make_law('minimum_acceleration', damping=5.0)
-    controller = Controller(model, law, 0.01, preferences=preferences)
-    x, _ = model.tip(q)
-    for _ in range(1500):
-        q = controller.update(q, 10.0 * (x - model.tip(q)[0])).q_ref
-    return q
-
-
-def test_a_posture_is_taken_up_as_far_as_the_tip_allows(model, task):
-    q = rested(model, task.start, Posture(gain=10.0, target=tuple(task.start + 0.2)))
-    Z = null_space(model.state(q, np.zeros(7)).J[:3])
-    assert np.linalg.norm(Z.T @ (q - task.start - 0.2)) < 1e-3
-
-
-def test_the_elbow_goes_to_its_height(model, task):
-    wanted = height(model, task.start) + 0.05
-    q = rested(model, task.start, ElbowHeight(gain=100.0, height=wanted))
-    assert height(model, q) == pytest.approx(wanted, abs=1e-3)
-
-
 @pytest.mark.parametrize('wanted', [1e308, -1e308])
 def test_a_height_beyond_all_measure_pulls_no_harder_than_one_out_of_reach(wanted, states):
     pulled = ElbowHeight(gain=1e4, height=wanted).acceleration(states[0])
@@ -254,33 +212,6 @@ def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():
     assert not acceleration(beside, -1.0).any()
     assert acceleration(beside, 1.0) == pytest.approx(-40.0 * 0.4)
     assert acceleration(-beside, -1.0) == pytest.approx(40.0 * 0.4)
-
-
-def test_limit_avoidance_takes_a_joint_away_from_its_end_and_leaves_the_tip_where_it_is():
-    model = RobotModel.named('lwr4')
-    controller = Controller(
-        model, make_law('minimum_acceleration'), T, preferences=('joint_limit_avoidance',)
-    )
-    start = np.array(model.arm.start)
-    start[2] = model.q_max[2] - 0.05
-    q = start
-    for _ in range(1000):
-        q = controller.update(q, np.zeros(3)).q_ref
-    assert model.q_max[2] - q[2] > 0.1  # twice the distance of the start
-    assert np.linalg.norm(model.tip(q)[0] - model.tip(start)[0]) < 1e-3  # of open-loop drift
-
-
-def test_preferences_are_changed_without_a_jump(model, task):
-    law = make_law('minimum_acceleration')
-    controller = Controller(model, law, T, switch_time=0.5)
-    q = task.start
-    for _ in range(400):
-        q = controller.update(q, DX).q_ref
-    controller.set_policy(replace(controller.policy, preferences=(JointCentering(gain=1000.0),)))
-    changed = [controller.update(q, DX) for _ in range(250)]
-    assert np.linalg.norm(changed[0].ddq) < 0.5  # at once it would be 11 rad/s^2
-    assert np.linalg.norm(changed[-1].null) > 0.1
-    assert controller.policy.preferences == (JointCentering(gain=1000.0),)
 
 
 def test_an_unknown_preference_is_refused_with_those_that_exist(model):

@@ -64,23 +64,6 @@ def test_no_step_in_the_null_space_leads_nearer_to_the_bias(weighted):
         assert np.abs(null_space(J).T @ gradient).max(initial=0.0) < ROUNDING
 
 
-def test_the_result_solves_the_karush_kuhn_tucker_system():
-    for J, dx, b, W in problems(weighted=True):
-        (m, n) = J.shape
-        dq = resolve(J, dx, b, W)
-        kkt = np.block([[W, J.T], [J, np.zeros((m, m))]])
-        assert dq == pytest.approx(
-            np.linalg.solve(kkt, np.concatenate((W @ b, dx)))[:n], abs=ROUNDING
-        )
-
-
-def test_without_weight_it_is_the_pseudoinverse_with_the_projected_bias():
-    for J, dx, b, _ in PROBLEMS:
-        J_pinv = np.linalg.pinv(J)
-        P = np.eye(len(b)) - J_pinv @ J
-        assert resolve(J, dx, b) == pytest.approx(J_pinv @ dx + P @ b, abs=ROUNDING)  # Eq. (2)
-
-
 @pytest.mark.parametrize('form', ['identity', 'weight', 'factor', 'square'])
 def test_it_is_the_formula_of_the_paper_written_plainly(form):
     for J, dx, b, W in PROBLEMS:
@@ -104,30 +87,6 @@ def test_numbers_of_other_types_are_taken(kind):
     b = np.arange(7, dtype=kind)
     expected = resolve(*(given.astype(float) for given in (J, dx, b, W)))
     assert (resolve(J, dx, b, W) == expected).all()
-
-
-def test_the_identity_as_weight_changes_nothing():
-    for J, dx, b, _ in PROBLEMS:
-        assert resolve(J, dx, b, np.eye(len(b))) == pytest.approx(resolve(J, dx, b), abs=ROUNDING)
-
-
-@WEIGHTS
-def test_the_null_part_does_not_move_the_tip(weighted):
-    for J, _, b, W in problems(weighted):
-        assert J @ resolve(J, np.zeros(len(J)), b, W) == pytest.approx(0.0, abs=ROUNDING)
-
-
-@WEIGHTS
-def test_the_null_part_is_all_that_the_bias_adds(weighted):
-    for J, dx, b, W in problems(weighted):
-        dq = resolve(J, dx, b, W)
-        null = resolve(J, np.zeros(len(J)), b, W)
-        assert dq - null == pytest.approx(resolve(J, dx, np.zeros_like(b), W), abs=ROUNDING)
-
-
-def test_a_bias_that_executes_the_task_is_the_result():
-    for J, _, b, W in PROBLEMS:
-        assert resolve(J, J @ b, b, W) == pytest.approx(b, abs=ROUNDING)
 
 
 @WEIGHTS
@@ -244,11 +203,6 @@ def test_a_dependent_row_is_executed_as_far_as_it_agrees_with_the_others(weighte
     assert J @ resolve(J, dx, b, W if weighted else None) == pytest.approx(dx, abs=1e-9)
 
 
-def test_a_lost_direction_asks_for_no_motion():
-    J = np.diag((1.0, 1.0, 0.0)) @ np.eye(3, 7)
-    assert resolve(J, np.array((0.0, 0.0, 1.0)), np.zeros(7)) == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize('W', [None, np.diag(np.arange(1.0, 8.0))])
 def test_without_any_task_direction_the_bias_is_followed(W):
     b = np.linspace(-1.0, 1.0, 7)
@@ -273,13 +227,6 @@ def test_the_quick_way_gives_what_the_careful_one_gives(exponents, seed, weighte
 # --- a weight known by its factor -----------------------------------------------------------------
 
 
-def test_a_factor_is_the_weight_that_it_makes():
-    for J, dx, b, W in PROBLEMS:
-        F = np.linalg.cholesky(W).T
-        assert np.asarray(Factor(F)) == pytest.approx(W, abs=ROUNDING)
-        assert resolve(J, dx, b, Factor(F)) == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
-
-
 def test_a_factor_of_condition_a_million_costs_the_task_no_digits():
     """Of its square, of condition 1e12, four digits would be left."""
     random = np.random.default_rng(8)
@@ -291,11 +238,6 @@ def test_a_factor_of_condition_a_million_costs_the_task_no_digits():
         assert J @ dq == pytest.approx(dx, abs=1e-9)
         slope = (F @ null_space(J)).T @ (F @ (dq - b))
         assert np.abs(slope).max() < 1e-9 * np.linalg.norm(F, 2) * np.linalg.norm(F @ (dq - b))
-
-
-def test_a_square_is_the_weight_of_its_matrix_twice():
-    for J, dx, b, W in PROBLEMS:
-        assert resolve(J, dx, b, Square(W)) == pytest.approx(resolve(J, dx, b, W @ W), abs=1e-9)
 
 
 def test_conditioning_at_a_singularity_is_judged_on_the_jacobian_alone():
@@ -425,17 +367,12 @@ def refusal(**changes: np.ndarray) -> str:
 SINGULAR = np.diag((1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0))
 CHANGES = [
     ({'dx': np.ones(4)}, 'dx has shape (4,); expected (3,)'),
-    ({'dx': np.ones((3, 1))}, 'dx has shape (3, 1); expected (3,)'),
     ({'b': np.ones(3)}, 'b has shape (3,); expected (7,)'),
-    ({'b': np.ones((7, 1))}, 'b has shape (7, 1); expected (7,)'),
     ({'W': np.ones((3, 3))}, 'W has shape (3, 3); expected (7, 7)'),
-    ({'W': np.ones(7)}, 'W has shape (7,); expected (7, 7)'),
     ({'J': np.ones((7, 3))}, 'J has shape (7, 3)'),
-    ({'J': np.ones(7)}, 'J has shape (7,)'),
     ({'J': np.ones((1, 3, 7))}, 'J has shape (1, 3, 7)'),
     ({'J': np.ones((0, 7))}, 'J has shape (0, 7)'),
     ({'W': np.full((7, 7), np.nan)}, 'W'),
-    ({'W': np.diag((np.inf, *np.ones(6)))}, 'finite'),
     ({'W': SINGULAR}, 'positive definite W'),
     ({'W': -np.eye(7)}, 'positive definite'),
 ]

@@ -10,7 +10,6 @@ from nightly import by_day
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.limits import make_limits
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.robots import ARMS
 
@@ -84,15 +83,6 @@ def test_pink_163_a_joint_beyond_its_range_by_rounding_is_no_error() -> None:
     assert commands[-1].J @ commands[-1].dq == pytest.approx([0.0, 0.05, 0.0], abs=1e-9)
 
 
-def test_pink_31_joints_without_a_range_have_velocity_limits_all_the_same() -> None:
-    """There, a model without position limits had no velocity limits either."""
-    model = RobotModel.named('gen3')
-    endless = model.q_max - model.q_min > 2.0 * np.pi
-    commands = follow('gen3', start_of('gen3'), steady(0.0, 9.0, 0.0), 500, limits=('velocity',))
-    used = np.array([np.abs(command.dq) / model.dq_max for command in commands])
-    assert used[:, endless].max() == pytest.approx(1.0, abs=ROUNDING)
-
-
 def test_mink_162_a_target_far_out_of_reach_asks_no_joint_for_more_than_it_has() -> None:
     """There, 134 rad/s where 5 were allowed."""
     target = np.array((3.0, 2.0, 1.0))  # [m]
@@ -112,18 +102,6 @@ def test_drake_20364_position_velocity_and_acceleration_limits_hold_together_at_
         commands = follow(arm, start_of(arm), steady(*dx), 800)
         assert_speeds_kept(arm, commands)
         assert_range_kept(arm, [command.q_ref for command in commands])
-
-
-def test_cartesian_controllers_209_a_robot_that_takes_velocities_stays_within_its_range() -> None:
-    """There, position limits held for position commands alone."""
-    q = start_of('fr3')
-    model = RobotModel.named('fr3')
-    controller = Controller(model, 'minimum_velocity', T, limits=BOX, integrate_from='measurement')
-    positions = []
-    for _ in range(1500):
-        q = q + T * controller.update(q, np.array((0.0, 0.0, 0.5))).dq
-        positions.append(q)
-    assert_range_kept('fr3', positions)
 
 
 def test_cartesian_controllers_170_a_joint_beyond_its_range_is_not_thrown_back_to_its_end() -> None:
@@ -146,25 +124,6 @@ def test_franka_ros2_168_references_have_no_discontinuity_however_the_twist_jump
     accelerations = np.array([np.zeros(7), *(command.ddq for command in commands)])
     jerk = np.abs(np.diff(accelerations, axis=0)) / T
     assert (jerk <= np.array(ARMS['fr3'].jerk_limit) * (1.0 + ROUNDING)).all()
-
-
-def test_lbr_fri_ros2_stack_194_noise_at_the_end_of_a_range_ends_no_session() -> None:
-    """There, a measurement just beyond the range made the client refuse its own command."""
-    arm = 'iiwa7'
-    model = RobotModel.named(arm)
-    gains = {'position.margin': 0.0}
-    controller = Controller(model, 'minimum_velocity', T, limits=BOX, limit_gains=gains)
-    random = np.random.default_rng(0)
-    q = beyond_the_range(arm, 1, -1e-3)
-    to_the_end = 0.05 * np.sign(model.jacobian(q, model.arm.tip_frame)[:3, 1])
-    measured = [q]
-    references = []
-    for _ in range(1000):
-        q = controller.update(measured[-1], to_the_end).q_ref
-        references.append(q)
-        measured.append(q + random.normal(0.0, 1e-4, model.n))
-    assert (np.array(measured) > model.q_max).any()
-    assert_range_kept(arm, references)
 
 
 # --- singularities --------------------------------------------------------------------------------
@@ -193,41 +152,6 @@ def test_moveit_1616_out_of_a_singularity_one_gets_by_the_way_one_came(law: str)
     stretched = follow('iiwa7', bent, steady(0.0, 0.0, 0.05), 600, law)[-1].q_ref
     out = follow('iiwa7', stretched, steady(0.0, 0.0, -0.05), 400, law)[-1].q_ref
     assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
-
-
-def test_fairo_1412_a_stretched_arm_is_pulled_back() -> None:
-    """There, an arm that had been stretched stayed so."""
-    q = np.zeros(7)
-    model = RobotModel.named('lwr4')
-    x, _ = model.tip(q)
-    out = follow('lwr4', q, steady(0.0, 0.0, -0.05), 400)[-1].q_ref
-    assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('arm', by_day(1, ['iiwa7', 'gen3', 'fr3', 'planar4r']))
-def test_aceteleop_3_an_arm_pulled_beyond_its_reach_comes_to_rest_there(arm: str) -> None:
-    """There, it shook. With the limits that nodes begin with."""
-    model = RobotModel.named(arm)
-    limits = make_limits(BOX, model, gains={'acceleration.reach': 0.02})
-    x, _ = model.tip(start_of(arm))
-    outward = x / np.linalg.norm(x)
-    commands = follow(arm, start_of(arm), steady(*(0.1 * outward)), 6000, limits=limits)
-    assert_speeds_kept(arm, commands)
-    last = commands[-100:]
-    assert np.linalg.norm(last[-1].unachieved) > 0.09  # the end of the reach has come
-    assert max(np.abs(command.dq).max() for command in last) < 0.02  # the tip creeps along it
-    assert not any(command.active_limits for command in last)
-
-
-@pytest.mark.parametrize('law', LAWS)
-def test_isaaclab_7063_in_a_singularity_velocities_and_torques_stay_finite(law: str) -> None:
-    """There, forces grew without bound until all was NaN."""
-    model = RobotModel.named('iiwa7')
-    for dx in np.vstack((np.eye(3), -np.eye(3))):
-        command = Controller(model, law, T, limits=BOX).update(np.zeros(7), 0.5 * dx)
-        assert np.isfinite(command.q_ref).all()
-        assert np.isfinite(command.tau).all()
 
 
 def test_pink_59_a_path_by_a_singularity_is_finished_though_velocity_limits_act() -> None:

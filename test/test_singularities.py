@@ -134,18 +134,6 @@ def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law)
     assert still(commands[600:]) <= 2
 
 
-@SOME_PAIRS
-def test_a_stretched_arm_that_stands_does_not_drift(arm, law):
-    q, _ = stretched(arm)
-    controller = Controller(model_of(arm), make_law(law), T, limits=BOX, switch_time=0.2)
-    controller.update(q, np.zeros(3))
-    controller.hold()
-    q_ref = q
-    for _ in range(500):
-        q_ref = controller.update(q_ref, np.zeros(3)).q_ref
-    assert np.abs(q_ref - q).max() < 1e-3
-
-
 # --- along a path, as a planner asks for it -------------------------------------------------------
 
 
@@ -191,18 +179,6 @@ def is_damped(arm: str, command: Command) -> bool:
     rank = 2 if arm == 'planar4r' else 3
     values = np.linalg.svd(command.J, compute_uv=False)[:rank]
     return bool(values[-1] < SINGULAR_RATIO * values[0])
-
-
-@pytest.mark.slow
-@SOME_PAIRS
-def test_the_law_is_exact_in_the_very_tick_that_leaves_the_singularity(arm, law):
-    q, _ = stretched(arm)
-    ticks = list(islice(ticks_along(arm, law, q, inward(arm), 1.0, ()), 100))
-    damped = [k for k, (command, _, _) in enumerate(ticks) if is_damped(arm, command)]
-    left = ticks[damped[-1] + 1 :]
-    assert left
-    for command, dx, _ in left:
-        assert command.J @ command.dq == pytest.approx(dx, abs=1e-9)
 
 
 def greatest_scaling(arm: str, command: Command, dx: np.ndarray, dq_prev: np.ndarray) -> float:
@@ -273,20 +249,6 @@ def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ('arm', 'law'),
-    by_day(4, product(STRETCHING, ['minimum_velocity', 'minimum_acceleration'])),
-)
-def test_an_arc_that_touches_the_end_of_the_reach_is_followed_to_its_other_side(arm, law):
-    """An arc that touches the end of the reach from within, and goes on on the other side."""
-    bent, path = arc(arm, 0.05)
-    found = followed(arm, law, bent, path, 6.0)
-    check(arm, [command for command, _, _ in found])
-    assert len(found) * T < 8.0
-    assert max(error for _, _, error in found) < 1.5e-3
-
-
-@pytest.mark.slow
 @EVERY_STRETCHED
 def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm):
     """The middle of an arc of 20 cm is 5 mm and more out of reach; it crept there for ever."""
@@ -335,40 +297,8 @@ def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake
         assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
 
 
-@pytest.mark.slow
-@SOME_PAIRS
-def test_the_stretched_arm_swings_about_its_base(arm, law):
-    """The stretched arm swings about its base."""
-    q, _ = stretched(arm)
-    model = model_of(arm)
-    x_start, _ = model.tip(q)
-    direction = tangent(arm)
-    controller = Controller(model, make_law(law), T, limits=BOX)
-    commands = []
-    for k in range(300):
-        x, _ = model.tip(q)
-        outward = x / np.linalg.norm(x)
-        direction = direction - (direction @ outward) * outward
-        command = controller.update(q, SPEED * min(k / 100, 1.0) * direction)
-        commands.append(command)
-        q = command.q_ref
-    check(arm, commands)
-    assert still(commands) <= 2
-    way = np.linalg.norm(model.tip(q)[0] - x_start)
-    assert way > 0.6 * 250 * T * SPEED  # least torque flings; the others do all of it
-
-
 @EVERY_STRETCHED
 def test_outward_of_it_there_is_no_escape_and_that_is_reported(arm):
     q, outward = stretched(arm)
     command = driven(arm, 'minimum_velocity', q, [SPEED * outward] * 3)[0]
     assert np.linalg.norm(command.unachieved) == pytest.approx(SPEED, rel=1e-2)
-
-
-def test_the_way_out_is_no_part_of_a_regular_tick():
-    model = model_of('lwr4_paper')
-    q = np.array(ARMS['lwr4'].start)
-    s = np.linalg.svd(model.state(q, np.zeros(7)).J[:3], compute_uv=False)
-    assert s[-1] > SINGULAR_RATIO * s[0]
-    command = Controller(model, make_law('minimum_velocity'), T).update(q, np.zeros(3))
-    assert not command.dq.any()

@@ -116,11 +116,6 @@ def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
     assert refusal(path, FileError) == f'cannot read {path}: No such file or directory'
 
 
-def test_a_directory_is_refused_by_path(tmp_path):
-    (tmp_path / 'folder.yaml').mkdir()
-    assert f'cannot read {tmp_path}/folder.yaml' in refusal(f'{tmp_path}/folder.yaml', FileError)
-
-
 @pytest.mark.parametrize(
     'content', [b'waypoints: [[1, 2', b'a: b: c', b'\xff\xfe\x00 no text', b'\t- x']
 )
@@ -128,15 +123,6 @@ def test_a_file_that_is_no_yaml_is_refused_by_path(tmp_path, content):
     path = tmp_path / 'task.yaml'
     path.write_bytes(content)
     assert refusal(str(path), FileError).startswith(f'{path} is not YAML: ')
-
-
-@pytest.mark.parametrize('content', ['', 'text', '[1, 2]', 'robot: lwr4'])
-def test_yaml_that_is_no_task_is_refused_with_the_keys(tmp_path, content):
-    path = tmp_path / 'task.yaml'
-    path.write_text(content)
-    assert f'{path} is not a task; expected the keys robot, start, waypoints' in refusal(
-        str(path), FileError
-    )
 
 
 KEYS = 'expected the keys robot, start, waypoints'
@@ -153,35 +139,20 @@ NO_PARAMETERS = 'expected parameters below the names of nodes'
         ('waypoints', None, KEYS),
         ('tolerence', 0.1, "'tolerence'; allowed: "),
         ('start', [0, 1, 'x'], 'task.yaml: start is '),
-        ('start', [0, 1, 'x m'], 'task.yaml: start is '),
-        ('start', [0, 1, ' m'], 'task.yaml: start is '),
         ('start', [0, 1, '1e99 m'], 'task.yaml: start is '),
-        ('start', 5, 'task.yaml: start is '),
-        ('start', [[0, 1], [2, 3]], 'task.yaml: start is '),
         ('start', [0, np.nan], 'task.yaml: start is '),
-        ('start', {'a1': 0}, 'task.yaml: start is '),
         ('waypoints', [[0, 0, 0], [0, 0]], 'task.yaml: waypoints is '),
-        ('waypoints', [0, 0, 0], 'task.yaml: waypoints is '),
-        ('waypoints', [[0, 0, 0], [0, float('inf'), 0]], 'task.yaml: waypoints is '),
         ('waypoints', 'none', 'task.yaml: waypoints is '),
         ('waypoints', [[0, 0, 0]], f'waypoints has shape (1, 3); {SHAPE}'),
-        ('waypoints', [[0, 0], [1, 1]], f'waypoints has shape (2, 2); {SHAPE}'),
         ('waypoints', [[0, 0, 0, 0]] * 3, f'waypoints has shape (3, 4); {SHAPE}'),
         ('segment_time', 'fast', f"task.yaml: segment_time is 'fast'; {NUMBER}"),
-        ('feedback_gain', True, f'task.yaml: feedback_gain is True; {NUMBER}'),
         ('tolerance', [1.0], f'task.yaml: tolerance is [1.0]; {NUMBER}'),
         ('segment_time', 0.0, 'segment_time is 0.0; allowed: '),
-        ('segment_time', np.nan, 'segment_time is nan; allowed: '),
-        ('feedback_gain', -1.0, 'feedback_gain is -1.0; allowed: '),
-        ('tolerance', 0.0, 'tolerance is 0.0; allowed: '),
         ('tolerance', np.inf, 'tolerance is inf; allowed: '),
         ('switching', 'soon', "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
         ('rpy', [[0, 0, 0]] * 2, 'rpy has shape (2, 3); expected one row of 3 numbers, or one'),
-        ('rpy', [[0, 0, 0, 1]], 'expected one row of 3 numbers'),
         ('quaternions', [[0, 0, 0, 0]], 'quaternions holds a zero; expected x, y, z, w'),
-        ('quaternions', [[0, 0, 0, float('nan')]], 'expected rows of finite numbers'),
         ('nodes', [1], NO_PARAMETERS),
-        ('nodes', {'sim': 3}, NO_PARAMETERS),
         ('nodes', {'robot': {}}, 'is not a node; allowed: sim, controller, planner'),
         ('events', 5, 'events is 5; expected a list'),
         ('events', [{'at': 1.0}], 'expected at [s], node, and parameters'),
@@ -227,18 +198,6 @@ def test_a_hostile_file_is_refused_with_a_short_line(tmp_path, line, words):
     assert len(message) < len(str(path)) + 250
 
 
-@pytest.mark.parametrize('name', ['x' * 300, 'x' * 300 + '.yaml', 'a\0b', 'a\0b.yaml', '', '..'])
-def test_a_name_that_no_file_can_have_is_refused(name):
-    refusal(name, RedresError)
-
-
-def test_a_point_that_a_program_wrote_as_an_alias_is_taken(tmp_path):
-    point = [0.1, 0.2, 0.3]
-    path = written(tmp_path, waypoints=[point, [0, 0, 1], point])
-    assert '*' in Path(path).read_text()
-    assert load_task(path).waypoints.tolist() == [point, [0, 0, 1], point]
-
-
 # --- orientations ---------------------------------------------------------------------------------
 
 POINTS = len(GOOD['waypoints'])
@@ -255,12 +214,3 @@ def test_quaternions_are_read_as_x_y_z_w_of_any_length(tmp_path):
     task = load_task(written(tmp_path, quaternions=[[0, 0, 0, 2], [3, 0, 0, 0], [0, 0, 1, 0]]))
     assert task.orientations[0] == pytest.approx(np.eye(3))
     assert task.orientations[1] == pytest.approx(np.diag((1, -1, -1)))
-
-
-def test_one_orientation_stands_for_all_points(tmp_path):
-    task = load_task(written(tmp_path, rpy=[[0, 180, 0]]))
-    assert task.orientations == pytest.approx(np.tile(np.diag((-1, 1, -1)), (POINTS, 1, 1)))
-
-
-def test_a_task_without_any_leaves_the_orientation_free(tmp_path):
-    assert load_task(written(tmp_path)).orientations is None
