@@ -672,7 +672,7 @@ class TestOneSim:
         for values, words in (
             ({'frozen_joint': 8}, ('8', '7')),
             ({'state_loss': 2.0}, ('2', '1')),
-            ({'fault_seed': 1}, ('fault_seed',)),
+            ({'fault_seed': 1}, ('fault_seed', 'constant')),
         ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(robot, 'sim', values)

@@ -105,10 +105,9 @@ class AnySession(RuleBasedStateMachine):
     command alone, and never goes with a reason, which is the first one until a reset.
     """
 
-    @initialize(name=st.sampled_from(list(PROFILES)), bridged=st.sampled_from([-1, 0, 1, 30]))
-    def begin(self, name: str, bridged: int) -> None:
-        settings = SessionSettings(profile=name, monitor_time=3 * T, bridged_misses=bridged)
-        self.session = Session(T, settings)
+    @initialize(name=st.sampled_from(list(PROFILES)))
+    def begin(self, name: str) -> None:
+        self.session = Session(T, SessionSettings(profile=name, monitor_time=3 * T))
         self.good_since = 0  # cycles in time, one after the other
 
     def check(self, before: str, *events: Event) -> None:

@@ -48,7 +48,6 @@ pytestmark = pytest.mark.realtime
 
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
-BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
 STALL = 2.0  # [s] for which the robot waits for a command before it counts cycles as missed
 OWN = {
     'sim': {'patience': STALL},

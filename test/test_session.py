@@ -75,36 +75,40 @@ def test_a_cycle_without_a_command_in_time_cannot_begin_command_mode():
     assert (session.quality, session.state, session.reason) == ('PERFECT', 'MON', '')
 
 
-@pytest.mark.parametrize('bridged', [0, 1, 5])
-def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(bridged):
-    session = commanding(bridged_misses=bridged)
+@pytest.mark.parametrize(
+    ('profile', 'bridged', 'name'),
+    [('lwr_fri1', 5, 'timing'), ('fci', 19, 'communication_constraints_violation')],
+)
+def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(profile, bridged, name):
+    session = commanding(profile=profile)
     for _ in range(bridged):
         session.record(None)
-        assert session.state == 'CMD'
+        assert session.commanding
     session.record(None)
-    assert session.state == 'MON'
+    assert not session.commanding
     assert (
         session.reason
-        == f'timing: the newest command is {bridged + 1} cycles late, {bridged} are bridged'
+        == f'{name}: the newest command is {bridged + 1} cycles late, {bridged} are bridged'
     )
     assert session.timing.counts.bridged == bridged
 
 
 def test_a_command_in_time_ends_a_run_of_misses():
-    session = commanding(bridged_misses=1)
+    session = commanding()
     for _ in range(10):
-        session.record(None)
-        responding(session, 20)
-    assert session.state == 'CMD'
-    assert session.timing.counts.longest_run == 1
+        for _ in range(5):
+            session.record(None)
+        responding(session, 95)
+    assert session.commanding
+    assert session.timing.counts.longest_run == 5
 
 
 def test_a_late_command_is_bridged_by_its_lateness():
-    session = commanding(bridged_misses=3)
-    session.record(3)
-    assert session.state == 'CMD'
-    session.record(4)
-    assert session.state == 'MON'
+    session = commanding()
+    session.record(5)
+    assert session.commanding
+    session.record(6)
+    assert not session.commanding
 
 
 LOWEST = {'lwr_fri1': ('UNACCEPTABLE', '8'), 'sunrise': ('FAIR', '4')}
@@ -133,10 +137,12 @@ def test_a_growing_latency_ends_command_mode_and_is_named_with_its_bound(profile
 
 @pytest.mark.parametrize('since', [0, 1])
 def test_the_reason_has_the_last_refusal_unless_a_valid_command_came_since(since):
-    session = commanding(bridged_misses=0)
+    session = commanding()
     session.refuse(CommandError(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
-    responding(session, since).record(None)
-    words = 'timing: the newest command is 1 cycles late, 0 are bridged'
+    responding(session, since)
+    for _ in range(6):
+        session.record(None)
+    words = 'timing: the newest command is 6 cycles late, 5 are bridged'
     refused = '; last refused: lwr_a1_joint commanded nan rad'
     assert session.reason == (words if since else words + refused)
 

@@ -35,7 +35,7 @@ class DemoOptions:
         task: Its name.
         law: Name of the law at the start.
         rate: Cycles a second [Hz].
-        dynamics: Dynamics of the fake arm and of the controller's model.
+        dynamics: Dynamics of the controller's model.
         switches: (law, seconds after the task began).
         lockstep: As fast as possible, instead of in real time.
         composed: One process instead of three.

@@ -46,7 +46,6 @@ class SessionSettings:
     monitor_time: float = param(
         0.5, 'duration of good timing required before command mode; 0: none [s]', 0.0, 60.0
     )
-    bridged_misses: int = -1  # -1: as many as the profile does; no parameter of the node
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -68,9 +67,6 @@ class Session:
     def __init__(self, period: Seconds, settings: SessionSettings) -> None:
         self.profile = PROFILES[settings.profile]
         self.timing = TimingMonitor(period)
-        self._bridged_misses = settings.bridged_misses
-        if self._bridged_misses < 0:
-            self._bridged_misses = self.profile.bridged_misses
         self._cycles_needed = max(1, math.ceil(settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
         self.refusals = Counter[Refusal]()
@@ -153,10 +149,10 @@ class Session:
         age = self.timing.age
         name = self.profile.reflexes[Reflex.TIMING]
         refused = f'; last refused: {self.command_error}' if self.command_error else ''
-        if age > self._bridged_misses:
+        bridged = self.profile.bridged_misses
+        if age > bridged:
             return (
-                f'{name}: the newest command is {age} cycles late, '
-                f'{self._bridged_misses} are bridged{refused}'
+                f'{name}: the newest command is {age} cycles late, {bridged} are bridged{refused}'
             )
         if self.timing.quality < self.profile.lowest:
             complaint = self.timing.complaint

@@ -94,7 +94,7 @@ class SimNode(ManagedNode):
                 'use_sim_time is True; allowed: False: the fake arm uses the clock of the '
                 'computer, and publishes no /clock'
             )
-        robot = declare_robot(self, is_the_robot=True)
+        robot = declare_robot(self, is_the_robot=True, has_dynamics=False)
         self._tip_frame = robot.arm.tip_frame
         self._settings = declare(self, _SimParameters(start=robot.arm.start))
         environment = declare(self, EnvironmentSettings())
