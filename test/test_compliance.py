@@ -136,11 +136,3 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     assert 'expected 7 values' in arm.loop.error
     before = arm.q
     assert (arm.run(0.2, np.zeros(3)) == before).all()
-
-
-def test_torques_that_are_no_longer_measured_move_nothing() -> None:
-    arm = TorqueLoop()
-    arm.run(0.1, np.full(7, 5.0))
-    arm.run(15.0, None)
-    before = arm.q
-    assert (arm.run(0.2, None) == before).all()

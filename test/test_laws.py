@@ -258,27 +258,6 @@ def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks)
         )
 
 
-@pytest.mark.parametrize(
-    ('name', 'power'),
-    [
-        ('minimum_weighted_torque', -2),
-        ('dynamically_consistent', -1),
-        ('minimum_torque', 0),
-    ],
-)
-def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, states):
-    law = make_law(name, damping=0.0)
-    for state in states:
-        tau = state.M @ (solve(law, state) - state.dq_prev) / T + state.n
-        norm = np.linalg.matrix_power(np.linalg.inv(state.M), -power)  # M^power
-        slopes = (
-            state.M @ null_space(state.J[:3])
-        ).T @ norm  # of accelerations that leave the task as it is
-        assert np.linalg.norm(slopes @ tau) < 10.0 * ROUNDING * np.linalg.norm(
-            slopes, 2
-        ) * np.linalg.norm(tau)
-
-
 # --- Appendix B: no task, so all of the last velocity is in the null space ------------------------
 
 
@@ -307,30 +286,6 @@ def test_free_motion_ends_where_appendix_b_says(name, damping, states):
     assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(
         limit, abs=1e-9
     )  # 0.99^2500 = 1e-11
-
-
-@WITH_MEMORY
-@pytest.mark.parametrize('damping', [0.0, 10.0, 500.0, 1.0 / T])
-def test_free_motion_never_turns_back_within_the_allowed_damping(name, damping, states):
-    steps = np.diff(free_motion(name, damping, states[0], 300), axis=0) * np.sign(states[0].dq_prev)
-    assert (steps > -1e-15).all()  # half an ulp of q
-
-
-def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):
-    """With one task, so it is the law's memory that diverges: n grows with the square of dq."""
-
-    def growth(name: str) -> list[float]:
-        law = make_law(name)
-        found = []
-        for state in states[:30]:
-            motion = resolve(state.J, np.zeros(6), state.dq_prev, law.weight(state))
-            fast = state.with_velocity(1000.0 * motion / np.linalg.norm(motion))
-            going_on = resolve(fast.J, np.zeros(6), law.bias(fast, 0.002), law.weight(fast))
-            found.append(float(np.linalg.norm(going_on)) / 1000.0)
-        return found
-
-    assert max(growth('minimum_torque')) > 2.0
-    assert growth('minimum_acceleration') == pytest.approx([0.98] * 30)
 
 
 @pytest.mark.parametrize('name', ['minimum_weighted_torque', 'minimum_torque'])

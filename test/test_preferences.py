@@ -25,7 +25,6 @@ from redres_ros import (
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.policy import make_policy
-from redres_ros.robots import ARMS
 
 T = 0.002  # [s]
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
@@ -82,17 +81,6 @@ def test_the_acceleration_grows_with_the_gain(name, states):
 def test_a_gain_outside_its_range_is_refused(name, gain):
     with pytest.raises(RangeError, match=f'gain is {gain}'):
         make_preference(name, gain=gain)
-
-
-@EVERY_PREFERENCE
-@pytest.mark.parametrize('arm', ARMS)
-def test_every_arm_has_one_of_every_kind(name, arm):
-    model = RobotModel.named(arm)
-    q = np.array(ARMS[arm].start)
-    state = model.state(q, np.zeros(model.n))
-    ddq_N = make_preference(name).with_initial_targets(state).acceleration(state)
-    assert ddq_N.shape == (model.n,)
-    assert np.isfinite(ddq_N).all()
 
 
 @EVERY_PREFERENCE

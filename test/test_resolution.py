@@ -141,9 +141,9 @@ def test_the_gain_has_a_bound(ratio, largest):
 
 
 @WEIGHTS
-@pytest.mark.parametrize('ratio', [0.9, 0.3, 0.01])
+@pytest.mark.parametrize('ratio', [0.9, 0.3, 0.01, 0.0])
 def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighted, ratio):
-    """The rest is what the motion without that direction does along it."""
+    """The rest is what the motion without that direction does along it (end of Appendix A)."""
     J = near_singular(ratio * SINGULAR_RATIO)
     W = random_problem(3, 7, 1)[3] if weighted else None
     b = np.linspace(-1.0, 1.0, 7)
@@ -154,18 +154,6 @@ def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighte
     share = ratio**2
     expected = share * (lost @ dx) + (1.0 - share) * (lost @ J @ without)
     assert lost @ J @ resolve(J, dx, b, W) == pytest.approx(expected, abs=1e-9)
-
-
-@WEIGHTS
-def test_what_is_lost_altogether_leaves_the_optimum_of_the_rest(weighted):
-    """The projector is built from the independent rows alone (end of Appendix A)."""
-    J = near_singular(0.0)
-    W = random_problem(3, 7, 1)[3] if weighted else None
-    b = np.linspace(-1.0, 1.0, 7)
-    dq = resolve(J, J @ np.ones(7), b, W)
-    way = dq - b if W is None else W @ (dq - b)
-    assert J @ dq == pytest.approx(J @ np.ones(7), abs=1e-9)
-    assert null_space(J, rcond=1e-9).T @ way == pytest.approx(0.0, abs=1e-9)
 
 
 def test_above_the_threshold_the_task_is_executed_exactly():
@@ -193,14 +181,6 @@ def test_crossing_the_threshold_makes_no_jump():
         )
         # The gain's slope is 1 / e on one side and -1 / e on the other; e = 0.0017, |dx| < 0.4.
         assert np.linalg.norm(above - below) < 2.0 * step * 0.4 / (SINGULAR_RATIO * 1.7) + 1e-6
-
-
-@pytest.mark.parametrize('weighted', [False, True])
-def test_a_dependent_row_is_executed_as_far_as_it_agrees_with_the_others(weighted):
-    J, dx, b, W = random_problem(3, 7, 0)
-    J[2] = J[0] + J[1]
-    dx[2] = dx[0] + dx[1]
-    assert J @ resolve(J, dx, b, W if weighted else None) == pytest.approx(dx, abs=1e-9)
 
 
 @pytest.mark.parametrize('W', [None, np.diag(np.arange(1.0, 8.0))])
@@ -275,16 +255,6 @@ def test_tasks_that_do_not_conflict_are_all_executed(kind):
 
 
 @WEIGHT_KINDS
-def test_the_bias_acts_in_the_null_space_that_all_tasks_leave(kind):
-    for seed in range(20):
-        levels, b, W = random_levels(seed)
-        dq, _ = resolve_in_order(levels, b, kind(W))
-        metric = np.eye(7) if kind(W) is None else np.asarray(W)
-        Z = null_space(np.vstack([J for J, _ in levels]))
-        assert np.abs(Z.T @ metric @ (dq - b)).max() < 1e-9
-
-
-@WEIGHT_KINDS
 def test_a_lower_task_never_disturbs_a_higher_one(kind):
     """The second one asks for what the first one forbids; four levels in all."""
     for seed in range(20):
@@ -296,18 +266,6 @@ def test_a_lower_task_never_disturbs_a_higher_one(kind):
         first, second = levels[0][0], levels[1][0]
         assert first @ all_four == pytest.approx(first @ alone, abs=1e-10)
         assert second @ all_four == pytest.approx(second @ pair, abs=1e-9)
-
-
-@WEIGHT_KINDS
-def test_a_conflicting_task_is_executed_with_the_least_error(kind):
-    """Its error is then orthogonal to all that it could still move."""
-    for seed in range(20):
-        (J, dx), (J_low, dx_low) = random_levels(seed, (3, 3))[0]
-        J_low[0] = J[0]
-        b, W = random_levels(seed)[1:]
-        dq, _ = resolve_in_order([(J, dx), (J_low, dx_low)], b, kind(W))
-        reachable = J_low @ null_space(J)
-        assert reachable.T @ (J_low @ dq - dx_low) == pytest.approx(0.0, abs=1e-9)
 
 
 def hierarchy(levels: list, b: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, float]:

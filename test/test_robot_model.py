@@ -15,7 +15,7 @@ import pytest
 from doubles import random_motion
 
 from redres_ros import Controller, RobotModel
-from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.robots import ARMS, Arm, arm_from_urdf, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
@@ -223,15 +223,6 @@ def test_no_later_call_overwrites_a_state(model):
     )
 
 
-def test_writing_into_a_state_leaves_the_model_as_it_is(model):
-    q, dq = random_motion(7, 1)[0]
-    state = model.state(q, dq)
-    for name in QUANTITIES[::-1]:
-        getattr(state, name)[:] = np.nan
-    again = model.state(q, dq)
-    assert all(np.isfinite(getattr(again, name)).all() for name in QUANTITIES)
-
-
 # --- what cannot be used --------------------------------------------------------------------------
 
 BAD_VECTORS = [
@@ -270,19 +261,6 @@ def test_an_unknown_frame_is_refused_with_those_that_exist(model):
 def test_an_offset_out_of_range_is_refused_by_name(which, offset):
     with pytest.raises(RangeError, match=f'{which} is {offset}; allowed: -2 to 2'):
         find_arm('lwr4', **{which: offset})
-
-
-def test_a_urdf_that_is_not_there_is_refused_by_path(tmp_path):
-    with pytest.raises(FileError, match=f'cannot read the URDF {tmp_path}/none.urdf'):
-        RobotModel.from_urdf(tmp_path / 'none.urdf', 'tool0')
-
-
-@pytest.mark.parametrize('text', ['not xml', '<robot name="empty"/>', ''])
-def test_a_file_that_is_no_urdf_is_refused_by_path(tmp_path, text):
-    path = tmp_path / 'arm.urdf'
-    path.write_text(text)
-    with pytest.raises(FileError, match=f'{path} is not a URDF'):
-        RobotModel.from_urdf(path, 'tool0')
 
 
 # --- parameters of an arm -------------------------------------------------------------------------

@@ -105,19 +105,6 @@ def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law
     assert -(x_end - x) @ outward > 0.7 * 400 * T * SPEED
 
 
-@SOME_PAIRS
-def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(arm, law):
-    """In between, the joints get up to speed and brake again as fast as they may."""
-    _, outward = stretched(arm)
-    inward = -SPEED * outward
-    commands = led_inward(arm, law)
-    losses = [np.linalg.norm(command.unachieved) for command in commands]
-    assert max(losses[round(0.05 / T) :]) < 1e-9  # a planar arm always lacks a direction
-    for command in commands[350:]:
-        assert command.s == 1.0
-        assert command.J @ command.dq == pytest.approx(inward, abs=1e-9)
-
-
 @pytest.mark.slow
 @SOME_PAIRS
 def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law):
@@ -283,18 +270,6 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
     x, _ = model.tip(last.q_ref)
     x_far, _ = model.tip(q)
     assert np.linalg.norm(x) <= np.linalg.norm(x_far) + 1e-6
-
-
-@EVERY_STRETCHED
-def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake(arm):
-    """One share of the whole velocity, down to where directions are damped."""
-    _, outward = stretched(arm)
-    bent = led_inward(arm, 'minimum_velocity')[99].q_ref
-    dx = SPEED * (outward + tangent(arm))
-    commands = driven(arm, 'minimum_velocity', bent, [dx] * 60)
-    assert 0.0 < commands[0].s < 1.0
-    for command in commands:
-        assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
 
 
 @EVERY_STRETCHED

@@ -53,26 +53,6 @@ def test_a_linear_joint_starts_at_so_many_metres(tmp_path):
     assert task.start == pytest.approx([-0.25, np.pi / 2.0, np.pi])
 
 
-def test_the_rectangle_is_the_task_of_the_paper():
-    task = load_task('rectangle')
-    assert task.start == pytest.approx(
-        np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)), abs=1e-15
-    )
-    assert task.waypoints.tolist() == [
-        [-0.4, 0.36, 0.01],
-        [-0.4, -0.36, 0.01],
-        [-0.4, -0.36, 1.16],
-        [-0.4, 0.36, 1.16],
-    ]
-    assert (task.segment_time, task.feedback_gain, task.tolerance, task.segments) == (
-        3.0,
-        10.0,
-        0.001,
-        3,
-    )
-    assert task.switching == 'at_rest'
-
-
 def test_a_file_gives_what_it_says(tmp_path):
     task = load_task(written(tmp_path))
     assert task.robot == 'lwr4_paper'
