@@ -44,13 +44,6 @@ def test_no_joint_is_faster_than_it_may_be_and_one_is_as_fast_if_that_takes_long
         assert share > 0.99 or path.duration == pytest.approx(0.5)  # T cuts the peaks off
 
 
-def test_all_joints_arrive_together() -> None:
-    _, _, path = random_paths()[0]
-    q = positions(path)
-    share = (q - q[0]) / (q[-1] - q[0])
-    assert share == pytest.approx(np.tile(share[:, :1], 3), abs=1e-9)
-
-
 def follow(path: JointPath, q: np.ndarray, seen: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Final positions of ideal joints; `seen` is what their driver reports."""
     t = 0.0

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
 from redres_ros.interpolation import quintic
-from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.planner import Reference
 
 T = 0.001  # [s]
@@ -35,11 +34,6 @@ def column(references: list[Reference], name: str) -> np.ndarray:
 
 
 # --- Eq. (36) -------------------------------------------------------------------------------------
-
-
-def test_the_quintic_goes_from_zero_to_one():
-    assert quintic(0.0)[0] == 0.0
-    assert quintic(1.0)[0] == 1.0
 
 
 def test_the_quintic_is_that_of_the_paper():
@@ -133,15 +127,6 @@ def test_at_rest_waits_for_the_tip_to_arrive(square):
     )  # the second segment begins at its own time 0
 
 
-def test_at_rest_waits_for_the_time_even_if_the_tip_is_there(square):
-    planner = Planner(square)
-    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.3, 0.499)] == [
-        1,
-        1,
-        1,
-    ]
-
-
 def test_while_it_waits_the_next_point_is_held(square):
     planner = Planner(square)
     for t in (0.5, 0.6, 5.0):
@@ -169,14 +154,6 @@ def test_within_tolerance_does_not_skip_points_in_one_tick(square):
         2,
         3,
     ]
-
-
-def test_the_tolerance_is_the_distance_at_which_a_point_counts_as_reached(square):
-    for distance, segment in ((0.0101, 1), (0.0099, 2)):
-        reference = Planner(replace(square, tolerance=0.01)).reference(
-            square.waypoints[1] + (0.0, distance, 0.0), 0.5
-        )
-        assert reference.segment == segment
 
 
 def test_a_segment_that_begins_late_takes_as_long_as_any_other(square):
@@ -252,28 +229,6 @@ def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
     )
 
 
-def test_a_reference_is_not_overwritten_by_the_next_one(square):
-    references = follow(Planner(square), square.waypoints[0], 20)
-    assert len(np.unique(column(references, 'x_d'), axis=0)) == 20
-
-
-def test_the_task_is_left_as_it_is(square):
-    before = square.waypoints.copy()
-    follow(Planner(square), square.waypoints[0], 100)
-    assert (square.waypoints == before).all()
-
-
-# --- orientation ----------------------------------------------------------------------------------
-
-
-def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():
-    random = np.random.default_rng(0)
-    for turn in 1e-4 * random.normal(size=(20, 3)):
-        R = Rotation.random(random_state=random).as_matrix()
-        R_d = Rotation.from_rotvec(turn).as_matrix() @ R
-        assert rotation_error(R, R_d) == pytest.approx(turn, abs=1e-11)  # sin(a) = a - a^3 / 6
-
-
 def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):
     error = np.array((0.3, -0.4, 0.0))
     held = Planner(task, feedback_limit=0.2).reference(task.waypoints[0] - error, 0.0)
@@ -281,13 +236,6 @@ def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):
     assert Planner(task).reference(task.waypoints[0] - error, 0.0).dx == pytest.approx(
         task.feedback_gain * error
     )
-
-
-def test_a_limit_that_is_not_reached_changes_nothing(task):
-    x = task.waypoints[0] + 0.001
-    assert (
-        Planner(task, feedback_limit=0.2).reference(x, 0.1).dx == Planner(task).reference(x, 0.1).dx
-    ).all()
 
 
 # --- orientations ---------------------------------------------------------------------------------
@@ -338,17 +286,6 @@ def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
     assert errors.max() < 1e-3  # T times the change of the angular velocity, over k_P
     assert references[-1].finished
     assert (references[-1].R_d == turning.orientations[-1]).all()
-
-
-def test_feedback_turns_by_the_gain_times_the_error(turning):
-    R = Rotation.from_rotvec((0.0, 0.1, 0.0)).as_matrix()
-    with_feedback, without = (
-        Planner(replace(turning, feedback_gain=gain)).reference(turning.waypoints[0], 0.0, R)
-        for gain in (7.0, 0.0)
-    )
-    assert with_feedback.orientation_error == pytest.approx((0.0, -0.1, 0.0), abs=1e-12)
-    difference = with_feedback.dx[3:] - without.dx[3:]
-    assert difference == pytest.approx(7.0 * with_feedback.orientation_error, abs=1e-12)
 
 
 def test_a_task_without_orientations_holds_the_first_one(square):

@@ -53,7 +53,9 @@ def test_a_file_is_loaded_once() -> None:
 
 
 def test_a_law_of_ones_own_is_a_choice_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    command = f'simulate --plugin {EXAMPLE} --law wrist_first --wrist_first.ratio 3 --period 0.02'
+    command = (
+        f'simulate --plugin {EXAMPLE} --law wrist_first --set wrist_first.ratio=3 --period 0.02'
+    )
     assert main(command.split()) == 0
     assert 'wrist_first' in capsys.readouterr().out
     assert main(['laws', f'--plugin={PREFERENCE}']) == 0

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from redres_ros import RobotModel
-from redres_ros.cli.demo_results import after, before
+from redres_ros.cli.demo import after, before
 from redres_ros.demo.processes import DemoOptions
 
 PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'limits': ('none',)})

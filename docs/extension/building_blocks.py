@@ -5,16 +5,19 @@ from collections.abc import Iterator
 from typing import Any
 
 from extension.markdown import code, plain, table
-from redres_ros.cli.gains import find_tables
+from redres_ros.laws import LAWS
+from redres_ros.limits import LIMITS
 from redres_ros.parameter import Parameter, parameters
+from redres_ros.preferences import PREFERENCES
 from redres_ros.robots import ARMS
+from redres_ros.tasks import TASKS
 
 _HEADINGS = {'law': 'Laws', 'preference': 'Preferences', 'task': 'Tasks', 'limit': 'Limits'}
 
 
 def building_blocks() -> Iterator[str]:
     """A table for each kind, then one of the arms."""
-    for entries in find_tables(limits=True):
+    for entries in (LAWS, PREFERENCES, TASKS, LIMITS):
         yield from (f'## {_HEADINGS[entries.kind]}', '')
         rows = [(code(name), plain(_says(cls)), _gains(cls)) for name, cls in entries.items()]
         yield from table(('name', 'is', 'gains'), rows)

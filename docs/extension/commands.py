@@ -5,8 +5,6 @@ from collections.abc import Iterator
 
 from extension.markdown import code, plain, table
 from redres_ros.cli import make_parser
-from redres_ros.cli.options import GAINS_HELP
-from redres_ros.cli.parser import Parser
 
 _DEFAULT = '; default: '  # what follows it in a help says a default in words
 _NOT_SHOWN = (argparse._HelpAction, argparse._SubParsersAction)
@@ -16,8 +14,6 @@ def commands() -> Iterator[str]:
     """A section with tables of options for each."""
     [choices] = [a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction)]
     for name, command in choices.choices.items():
-        if isinstance(command, Parser):
-            command.declare_all([GAINS_HELP])
         yield from (f'## redres {name}', '', plain(command.description or ''), '')
         yield from ('```sh', *_examples(command), '```', '')
         for group in command._action_groups:

@@ -20,6 +20,15 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Modules of this package, in the order of `redres --help`.
 _COMMANDS = 'demo simulate compare reproduce laws view watch check'
+_GONE = {  # commands and options of earlier versions, and what to write instead
+    'batch': '`for result in batch(cases)` in Python',
+    'dampings': 'redres compare --law minimum_acceleration@2,minimum_acceleration@5 --tasks 20',
+    'bench': 'python benchmarks/tick.py in a clone of the repository',
+    'record': 'ros2 bag record -s mcap -a',
+    'teleop': 'redres view, or teleop_twist_keyboard',
+    '--teleop': '--view',
+    '--help-gains': 'redres laws',
+}
 _PLUGIN = '--plugin'
 _BEGINNING = """\
 redres moves an arm that has more joints than its task needs. Try first:
@@ -78,18 +87,32 @@ def _run_command(given: list[str]) -> int:
     if not given:
         sys.stderr.write(_BEGINNING)
         return 2
+    if given[0] in _GONE:
+        _complain(f'redres {given[0]} is gone; instead: {_GONE[given[0]]}')
+        return 2
     _load_plugins(given)
     parser = make_parser()
     options, others = parser.parse_known_args(given)
     if others:
         parser.prog = f'redres {options.command}'
-        parser.error(f'unknown: {" ".join(" ".join(others).split())}')
+        parser.error(_refusal(others))
     status: int = options.run(options)
     return status
 
 
+def _refusal(words: list[str]) -> str:
+    """Why words of a command line are refused."""
+    for word in words:
+        name = word.partition('=')[0]
+        if name in _GONE:
+            return f'{name} is gone; instead: {_GONE[name]}'
+        if name.startswith('--') and '.' in name:
+            return f'{name} is gone; instead: --set {name[2:]}=VALUE'
+    return f'unknown: {" ".join(" ".join(words).split())}'
+
+
 def _load_plugins(words: list[str]) -> None:
-    """Load the files of --plugin, so that the parser knows their gains."""
+    """Load the files of --plugin: `redres laws` lists what they define."""
     paths = [path for word, path in pairwise(words) if word == _PLUGIN]
     paths += [word.partition('=')[2] for word in words if word.startswith(f'{_PLUGIN}=')]
     if paths:
@@ -138,12 +161,18 @@ def _let_go_of(stream: TextIO) -> None:
 
 def make_parser() -> 'Parser':
     """The parser of `redres` with all its subcommands."""
-    from redres_ros.cli.parser import Parser, version
+    from redres_ros.cli.parser import Parser
+    from redres_ros.files.installation import share_path
 
+    package = share_path('package.xml').read_text(encoding='utf-8')
+    version = package.partition('<version>')[2].partition('<')[0]
     description = 'Redundancy resolution for arms behind a position interface.'
     parser = Parser(prog='redres', description=description)
     parser.add_argument(
-        '--version', action='version', version=version(), help='print the version, and exit'
+        '--version',
+        action='version',
+        version=f'redres_ros {version}',
+        help='print the version, and exit',
     )
     commands = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'

@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 from typing import Any
 
-from redres_ros.cli.options import add_domain, add_namespace, topic_name
+from redres_ros.cli.options import add_graph, topic_name
 from redres_ros.cli.parser import add_command, option
 from redres_ros.errors import RangeError
 
@@ -27,8 +27,7 @@ def add(commands: Any) -> None:
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot')
     option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
     option(check, '--states', 'TOPIC', states, 'joint_states', type=topic_name)
-    add_domain(check)
-    add_namespace(check)
+    add_graph(check)
     check.set_defaults(run=_check)
 
 

@@ -7,14 +7,8 @@ from redres_ros.errors import FileError
 
 
 def made(directory: Path, *names: str) -> Path:
-    """The directory, created if needed, and checked to be writable.
-
-    Args:
-        directory: Made with its parents if it does not exist.
-        names: Names of files that will be written into it.
-
-    Raises:
-        FileError: It cannot be made or written to, or one of the files cannot.
+    """The directory, created if needed, and checked to be writable, with files of those names.
+    Raises FileError.
     """
     from redres_ros.files.text import attempting
 
@@ -28,14 +22,8 @@ def made(directory: Path, *names: str) -> Path:
 
 
 def pictures(out: Path, *names: str) -> list[Path]:
-    """Where pictures go: into a directory; or the first into a .pdf or .svg, the others beside it.
-
-    Args:
-        out: Path as the user named it.
-        names: Names of the pictures in a directory, without an ending.
-
-    Raises:
-        FileError: One of them cannot be written.
+    """Where pictures of those names go: into a directory; or the first into a .pdf or .svg, the
+    others beside it. Raises FileError if one of them cannot be written.
     """
     from redres_ros.simulation.drawing import DRAWINGS
 
@@ -45,12 +33,6 @@ def pictures(out: Path, *names: str) -> list[Path]:
         files = [out / f'{name}.png' for name in names]
     made(files[0].parent, *(file.name for file in files))
     return files
-
-
-def prepare(path: Path) -> None:
-    """Make the folder of a file. Raises FileError if the file could not be written."""
-    check_writable(path)
-    made(path.parent)
 
 
 def check_writable(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`redres laws`: lists laws, preferences, tasks, limits and arms."""
+"""`redres laws`: lists laws, preferences, tasks and limits with their gains, and arms."""
 
 import argparse
 import inspect
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
+    from redres_ros.parameter import Gain
     from redres_ros.robots import Arm
 
 _NAME_WIDTH = 26  # columns
@@ -29,22 +30,31 @@ def add(commands: Any) -> None:
     laws = add_command(
         commands,
         'laws',
-        'laws, preferences, tasks, limits and arms by name',
+        'laws, preferences, tasks and limits with their gains, and arms, by name',
         '# all of them',
         '--plugin my_laws.py  # and those in this file',
     )
-    laws.set_defaults(run=_laws)
+    laws.set_defaults(run=_list)
 
 
-def _laws(options: argparse.Namespace) -> int:
-    from redres_ros.cli.gains import find_tables
+def _list(options: argparse.Namespace) -> int:
+    from redres_ros.laws import LAWS
+    from redres_ros.limits import LIMITS
+    from redres_ros.preferences import PREFERENCES
     from redres_ros.robots import ARMS
+    from redres_ros.tasks import TASKS
 
-    for table in find_tables(limits=True):
+    gains: dict[str, Gain] = {}
+    for table in (LAWS, PREFERENCES, TASKS, LIMITS):
         print(_HEADS[table.kind])
         for name, cls in table.items():
             _print_entry(name, _says(cls))
         print()
+        gains |= {gain.key: gain for gain in table.gains()}
+    print('gains, --set NAME=VALUE')
+    for key, gain in gains.items():
+        _print_entry(key, _describes_gain(gain))
+    print()
     print(_HEADS['robot'])
     for name, arm in ARMS.items():
         _print_entry(name, _describes(arm))
@@ -53,7 +63,7 @@ def _laws(options: argparse.Namespace) -> int:
 
 def _print_entry(name: str, text: str) -> None:
     """A name with its description: wrapped in a terminal, elsewhere in one line for grep."""
-    line = f'{name:<{_NAME_WIDTH}}{text}'
+    line = f'{name:<{_NAME_WIDTH - 1}} {text}'
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
         line = textwrap.fill(line, max(width, _NARROWEST), subsequent_indent=' ' * _NAME_WIDTH)
@@ -63,6 +73,13 @@ def _print_entry(name: str, text: str) -> None:
 def _says(cls: type) -> str:
     """The first paragraph of a class's documentation, on one line."""
     return ' '.join((inspect.getdoc(cls) or '').partition('\n\n')[0].split())
+
+
+def _describes_gain(gain: 'Gain') -> str:
+    default = f'{gain.default:g}' if isinstance(gain.default, float) else f'{gain.default}'
+    if isinstance(gain.default, tuple):
+        default = f'[{", ".join(map(str, gain.default))}]' if gain.default else 'the start'
+    return f'{gain.parameter.description}; default: {default or "none"}'
 
 
 def _describes(arm: 'Arm') -> str:

@@ -1,18 +1,16 @@
-"""Options that several subcommands share; task.py and controller.py use them."""
+"""Options that several subcommands share; motion.py uses most of them."""
 
 import argparse
 import re
-from collections.abc import Sequence
-from functools import partial
-from itertools import chain
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.parser import NONE, Parser, option
+from redres_ros.cli.parser import NONE, OptionError, Parser, option
 from redres_ros.errors import quoted
 
 DEMO_LIMITS = 'position,velocity,acceleration'
-GAINS_HELP = '--help-gains'
 
 DURATIONS = (0.0, 1e6, 's')  # of a run
 _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
@@ -29,92 +27,45 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     """
     arm = parser.add_argument_group('arm and task')
     points = "the points to pass; default: rectangle, or with --robot that robot's own"
-    option(arm, '--task', 'NAME|FILE.yaml', points)
-    add_robot(arm)
-    law = parser.add_argument_group('law')
-    if several_laws:
-        each = 'names from `redres laws`, each with its own damping if wanted, '
-        add_laws(law, several_laws, f'{each}such as minimum_acceleration@5')
-    else:
-        option(law, '--law', 'NAME', 'a name from `redres laws`', 'minimum_acceleration')
-    damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
-    option(law, '--damping', 'K_D', damping, type=float)
-    _add_lists(law)
-    _add_limits(parser.add_argument_group('limits'), limits)
-    parser.declare_later(_add_gains)
-
-
-def add_robot(group: Any, default: str | None = None) -> None:
-    """The arm, and its tip and elbow links.
-
-    Args:
-        group: Group of the subcommand's options.
-        default: The robot; None: that of the task.
-    """
     tip = "link that carries out the task; default: the robot's own, of a file the last link"
     elbow = "link of the elbow; default: the robot's own, of a file that of the middle joint"
     dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
-    option(
-        group, '--robot', 'NAME|FILE.urdf', 'a name from `redres laws`, or any serial arm', default
-    )
-    option(group, '--tip', 'FRAME', tip)
-    option(group, '--elbow', 'FRAME', elbow)
-    option(group, '--dynamics', 'NAME', dynamics, 'identified')
+    option(arm, '--task', 'NAME|FILE.yaml', points)
+    option(arm, '--robot', 'NAME|FILE.urdf', 'a name from `redres laws`, or any serial arm')
+    option(arm, '--tip', 'FRAME', tip)
+    option(arm, '--elbow', 'FRAME', elbow)
+    option(arm, '--dynamics', 'NAME', dynamics, 'identified')
 
-
-def add_laws(group: Any, default: str, says: str) -> None:
-    """--law of commands that take several laws.
-
-    Args:
-        group: Group of the subcommand's options.
-        default: The laws, unless others are named.
-        says: What can be named.
-    """
-    option(group, '--law', 'A,B,...', says, default, dest='laws')
-
-
-def _add_lists(group: Any) -> None:
+    law = parser.add_argument_group('law')
+    damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
     prefer = 'preferences in the null space, such as joint_centering=4'
     secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
-    option(group, '--prefer', 'NAME[=GAIN]', prefer, nargs='+', action='extend')
-    option(group, '--secondary', 'NAME', secondary, nargs='+', action='extend')
+    gains = (
+        'gains of laws, preferences, tasks and limits, as in a parameter file, such as '
+        'posture.gain=4; `redres laws` lists them'
+    )
+    if several_laws:
+        each = 'each with its own damping if wanted, such as minimum_acceleration@5'
+        says = f'names from `redres laws`, {each}'
+        option(law, '--law', 'A,B,...', says, several_laws, dest='laws')
+    else:
+        option(law, '--law', 'NAME', 'a name from `redres laws`', 'minimum_acceleration')
+    option(law, '--damping', 'K_D', damping, type=float)
+    option(law, '--prefer', 'NAME[=GAIN]', prefer, nargs='+', action='extend')
+    option(law, '--secondary', 'NAME', secondary, nargs='+', action='extend')
+    option(law, '--set', 'NAME=VALUE', gains, nargs='+', action='extend')
 
-
-def _add_limits(group: Any, default: str) -> None:
-    limits = f'limits to keep, such as position,velocity,acceleration; {NONE}: the law alone'
+    kept = parser.add_argument_group('limits')
+    names = f'limits to keep, such as {DEMO_LIMITS}; {NONE}: the law alone'
     scale = 'fraction of the velocity and acceleration limits to use'
     scaling = (
         'what limits scale: the task velocity as a whole, or translation and rotation separately, '
         'as an operator prefers'
     )
-    option(group, '--limits', 'A,B,...', limits, default)
-    option(group, '--limit-scale', 'X', scale, 1.0)
-    option(group, '--torque-scale', 'X', 'fraction of the torque limits to use', 1.0)
-    option(group, '--scaling', None, scaling, choices=('task', 'components'))
-
-
-def _add_gains(parser: Parser, words: Sequence[str]) -> None:
-    """An option for every gain that is declared with `param` in the tables."""
-    from redres_ros.cli.gains import find_tables, help_text, metavar, read_value
-
-    group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
-    group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and exit')
-    if {'-h', '--help'} & set(words) and GAINS_HELP not in words:
-        return  # the first time, loading the tables compiles the formulas
-    wanted = parser.get_default('limits') != NONE or any(map(_concerns_limits, words))
-    declared = chain.from_iterable(table.gains() for table in find_tables(limits=wanted))
-    gains = tuple(gain for gain in declared if gain.name != 'damping')
-    parser.set_defaults(gains=gains)
-    for gain in {gain.key: gain for gain in gains}.values():
-        shown = help_text(gain) if GAINS_HELP in words else argparse.SUPPRESS
-        read = partial(read_value, gain)
-        group.add_argument(f'--{gain.key}', type=read, metavar=metavar(gain), help=shown)
-
-
-def _concerns_limits(word: str) -> bool:
-    """Whether a word of the command line may have to do with limits or their gains."""
-    option = word.partition('=')[0]
-    return option in (GAINS_HELP, '--limits') or (option.startswith('--') and '.' in option)
+    option(kept, '--limits', 'A,B,...', names, limits)
+    option(kept, '--limit-scale', 'X', scale, 1.0)
+    option(kept, '--torque-scale', 'X', 'fraction of the torque limits to use', 1.0)
+    option(kept, '--scaling', None, scaling, 'task', choices=('task', 'components'))
 
 
 def add_loop(parser: Parser) -> Any:
@@ -146,22 +97,34 @@ def add_out(group: Any, default: str, says: str, *, plots: bool = False) -> None
     option(group, '--out', metavar, meaning, Path(default))
 
 
-def add_domain(parser: argparse.ArgumentParser) -> None:
-    """--domain of nodes that are running already."""
-    says = 'ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID'
-    option(parser, '--domain', 'ID', says, type=int)
+def add_graph(parser: argparse.ArgumentParser) -> None:
+    """--domain and --namespace of nodes that are running already."""
+    domain = 'ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID'
+    namespace = 'namespace of the arm, if there are several; default: none'
+    option(parser, '--domain', 'ID', domain, type=int)
+    option(parser, '--namespace', 'NAME', namespace, '', type=_namespace)
 
 
-def add_watching_time(parser: argparse.ArgumentParser) -> None:
-    """--duration of commands that observe nodes."""
-    says = 'end after this time [s]; default: run until Ctrl-C'
-    option(parser, '--duration', 'S', says, type=float, within=DURATIONS)
+def read_settings(texts: Iterable[str]) -> dict[str, Any]:
+    """The values of --set by name, read as in a parameter file. Raises OptionError."""
+    import yaml
 
-
-def add_namespace(parser: argparse.ArgumentParser) -> None:
-    """--namespace of nodes that are running already."""
-    says = 'namespace of the arm, if there are several; default: none'
-    option(parser, '--namespace', 'NAME', says, '', type=_namespace)
+    values = {}
+    for setting in texts:
+        name, _, text = setting.partition('=')
+        if not (name and text):
+            raise OptionError(f'--set {setting}; expected NAME=VALUE, such as posture.gain=4')
+        try:
+            value = yaml.safe_load(text)
+        except (yaml.YAMLError, ValueError):
+            value = None
+        if isinstance(value, str):
+            with suppress(ValueError):
+                value = float(value)  # YAML 1.1 takes 1e-3, which has no dot, for a text
+        if not isinstance(value, (bool, int, float, str, list)):
+            raise OptionError(f'--set {setting}; expected a value, such as 0.5 or [1.0, 0.0, 0.0]')
+        values[name] = value
+    return values
 
 
 def topic_name(text: str) -> str:

@@ -1,8 +1,7 @@
 """The parser of the command line, with errors in one line."""
 
 import argparse
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,11 +19,7 @@ class OptionError(RedresError):
 
 
 class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows the defaults that say something, and leaves gains out of the usage."""
-
-    def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
-        shown = [each for each in actions if '.' not in ''.join(each.option_strings)]
-        return super()._format_usage(usage, shown, groups, prefix)
+    """Shows the defaults that say something."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         said = action.help or ''
@@ -48,37 +43,12 @@ def _shown(default: Any) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser without abbreviations that declares some options only when it parses.
-
-    What those are made from takes a second to load; `redres --help` need not wait for it.
-    """
+    """A parser without abbreviations, and with errors in one line."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**{'formatter_class': _Help, 'allow_abbrev': False, **kwargs})
-        self._declarations: list[Callable[[Sequence[str]], None]] = []
         for kind, reading in _READINGS.items():
             self.register('type', kind, reading)
-
-    def declare_later(self, declare: 'Callable[[Parser, Sequence[str]], None]') -> None:
-        """Have declare(self, words to parse) called once, before the first parsing."""
-        self._declarations.append(lambda words: declare(self, words))
-
-    def parse_known_args(  # type: ignore[override]  # the base class has overloads
-        self, args: Sequence[str] | None = None, namespace: Any = None
-    ) -> tuple[Any, list[str]]:
-        """As of the base class.
-
-        Args:
-            args: The words; None for those of the process.
-            namespace: Takes what they say; None for a new one.
-        """
-        self.declare_all(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(args, namespace)
-
-    def declare_all(self, words: Sequence[str]) -> None:
-        """Declare the options whose turn it is, for these words to parse."""
-        while self._declarations:
-            self._declarations.pop()(words)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line in one line; the base class prints twenty."""
@@ -180,11 +150,3 @@ _READINGS: dict[type | None, Callable[[str], Any]] = {
     float: _read_number,
     int: partial(_read_number, kind=int, expected='a whole number'),
 }
-
-
-def version() -> str:
-    """This package's name and version."""
-    from redres_ros.files.installation import share_path
-
-    text = share_path('package.xml').read_text(encoding='utf-8')
-    return 'redres_ros ' + text.partition('<version>')[2].partition('<')[0]

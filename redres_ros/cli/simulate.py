@@ -35,22 +35,16 @@ def add(commands: Any) -> None:
 def _simulate(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from redres_ros.cli.controller import find_law, in_use, make_controller
     from redres_ros.cli.files import check_writable
-    from redres_ros.cli.gains import check_gains
-    from redres_ros.cli.task import find_contrast
+    from redres_ros.cli.motion import find_contrast
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peaks, print_tables, progress_bar
 
-    motion = find_contrast(options)
+    motion = find_contrast(options, [options.law])
     task = motion.task
     if options.switching:
         task = replace(task, switching=options.switching)
-    law = find_law(options, options.law)
-    check_gains(options, in_use(options, options.law))
-    controller = make_controller(
-        options, motion, law, options.period, switch_time=options.switch_time
-    )
+    controller = motion.controller(options.switch_time)
     if options.out:
         check_writable(options.out)
     with progress_bar(f'{options.law}, T = {1e3 * options.period:g} ms') as progress:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_domain, add_namespace
+from redres_ros.cli.options import add_graph
 from redres_ros.cli.parser import add_command, option
 
 
@@ -19,8 +19,7 @@ def add(commands: Any) -> None:
         'port of the page on this computer; if it is taken, the next free one',
         8080,
     )
-    add_domain(view)
-    add_namespace(view)
+    add_graph(view)
     view.set_defaults(run=_view)
 
 

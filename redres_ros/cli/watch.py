@@ -1,10 +1,11 @@
 """`redres watch`: the live state of running nodes, and their controller's parameters."""
 
 import argparse
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_domain, add_namespace, add_watching_time
-from redres_ros.cli.parser import OptionError, add_command, option
+from redres_ros.cli.options import DURATIONS, add_graph, read_settings
+from redres_ros.cli.parser import add_command, option
 from redres_ros.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -26,9 +27,9 @@ def add(commands: Any) -> None:
     )
     parameters = 'first set these parameters of the controller, all or none'
     option(watch, '--set', 'NAME=VALUE', parameters, nargs='+', action='extend')
-    add_watching_time(watch)
-    add_domain(watch)
-    add_namespace(watch)
+    duration = 'end after this time [s]; default: run until Ctrl-C'
+    option(watch, '--duration', 'S', duration, type=float, within=DURATIONS)
+    add_graph(watch)
     watch.set_defaults(run=_watch)
 
 
@@ -37,52 +38,23 @@ def _watch(options: argparse.Namespace) -> int:
     from redres_ros.graph.watch import Watch, watch
     from redres_ros.nodes.runtime import joined_domain, spun
 
-    settings = options.set or []
-    texts = _texts(settings)
+    texts = options.set or []
+    settings = read_settings(texts)
     with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
-        if texts:
+        if settings:
             client = GraphClient(node, _PATIENCE)
-            client.set_parameters('controller', _values(client, texts))
-            print(f'controller: {", ".join(settings)}', flush=True)
+            _check_names(client, settings)
+            client.set_parameters('controller', settings)
+            print(f'controller: {", ".join(texts)}', flush=True)
             if options.duration == 0.0:
                 return 0
         watch(node, options.duration)
         return 0 if node.values else 1
 
 
-def _texts(settings: list[str]) -> dict[str, str]:
-    """The text of each value, by the name of its parameter. Raises OptionError."""
-    texts = {}
-    for setting in settings:
-        name, _, text = setting.partition('=')
-        if not (name and text):
-            raise OptionError(f'--set {setting}; expected NAME=VALUE, such as law=minimum_velocity')
-        texts[name] = text
-    return texts
-
-
-def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
-    """Values of the types that the controller's parameters have, by name.
-
-    Raises:
-        UnknownNameError: The controller has no such parameter.
-        OptionError: A text that is no value of its type.
-        CallError: The controller does not respond.
-    """
-    import yaml
-
+def _check_names(client: 'GraphClient', settings: Mapping[str, Any]) -> None:
+    """Refuse a parameter that the controller does not have. Raises UnknownNameError, CallError."""
     present = client.parameters('controller')
-    values = {}
-    for name, text in texts.items():
+    for name in settings:
         if name not in present:
             raise UnknownNameError('parameter of the controller', name, present)
-        try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError:
-            value = None
-        if not isinstance(value, (bool, int, float, str, list)):
-            raise OptionError(
-                f'--set {name}={text}; expected a value, such as 0.5 or [position, torque]'
-            )
-        values[name] = value
-    return values

@@ -12,12 +12,16 @@ from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import LEVER, Planner, ReferenceSource
-from redres_ros.planning.target_follower import TargetFollower
+from redres_ros.planning.planner import LEVER, Planner, ReferenceSource, TargetFollower
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation, Seconds, TaskVelocity
 
 _SHORTEST = 0.5  # [s] that a motion takes at least
+_TARGET_ACCELERATION = 1.0  # [m/s^2] towards a target_pose that replaces another
+_TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
+_HOME_SPEED = 0.25  # fraction of the arm's limits on the way to the start of the task
+_HOME_TOLERANCE = 0.02  # [rad] of a joint from there within which the task begins at once
 
 
 class GoalError(RedresError):
@@ -25,18 +29,13 @@ class GoalError(RedresError):
 
 
 class Target(NamedTuple):
-    """A pose of the tip, and how a tip in motion is led there.
-
-    Attributes:
-        x: Position, (3,) [m].
-        R: Orientation, (3, 3); None for a position alone.
-        make_follower: For a tip at (3,) with orientation (3, 3) and task velocity (m,), at a time
-            of the task [s].
+    """A pose of the tip (R None: a position), and how a tip in motion is led there: from x, R with
+    a task velocity, at a time of the task.
     """
 
-    x: np.ndarray
-    R: np.ndarray | None
-    make_follower: Callable[[np.ndarray, np.ndarray, np.ndarray, float], TargetFollower]
+    x: Position
+    R: Rotation | None
+    make_follower: Callable[[Position, Rotation, TaskVelocity, Seconds], TargetFollower]
 
     def is_that_of(self, other: 'Target') -> bool:
         """Whether both are the same pose."""
@@ -50,9 +49,9 @@ class Goal:
     """A goal: a joint motion, then a path of the tip.
 
     Attributes:
-        make_path: A joint-space motion from q (n,) [rad]; gives None if the arm is there already.
-            None: no such motion.
-        make_planner: A planner for a tip at (3,) with orientation (3, 3); None: no path of the tip.
+        make_path: A joint-space motion from q; gives None if the arm is there already. None: no
+            such motion.
+        make_planner: What leads a tip at x and R; None: no path of the tip.
         duration: How long that path takes [s].
         goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
             interruption.
@@ -60,18 +59,12 @@ class Goal:
         patience: How long it waits, to begin or to go on [s]; None: for ever.
     """
 
-    make_path: Callable[[np.ndarray], JointPath | None] | None = None
-    make_planner: Callable[[np.ndarray, np.ndarray], ReferenceSource] | None = None
-    duration: float = 0.0
+    make_path: Callable[[JointPositions], JointPath | None] | None = None
+    make_planner: Callable[[Position, Rotation], ReferenceSource] | None = None
+    duration: Seconds = 0.0
     goes_on: bool = False
     target: Target | None = None
-    patience: float | None = 2.0
-
-
-_TARGET_ACCELERATION = 1.0  # [m/s^2] towards a target_pose that replaces another
-_TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
-_HOME_SPEED = 0.25  # fraction of the arm's limits on the way to the start of the task
-_HOME_TOLERANCE = 0.02  # [rad] of a joint from there within which the task begins at once
+    patience: Seconds | None = 2.0
 
 
 @dataclass(frozen=True)
@@ -104,12 +97,6 @@ class GoalSettings:
 class Goals:
     """Makes the goals of one arm, and refuses those that it cannot reach.
 
-    Args:
-        model: The arm.
-        task: Its task.
-        settings: Speeds, tolerances and times.
-        task_space: 'position' or 'pose'.
-
     Raises:
         ArrayError: The task is that of an arm with another number of joints.
     """
@@ -138,56 +125,40 @@ class Goals:
         """The joints to the start of the task."""
         return Goal(self.path_home, patience=self._settings.resume_within)
 
-    def path_home(self, q: np.ndarray) -> JointPath | None:
-        """The path of the joints from q (n,) [rad] to the start of the task; None at the start."""
-        start = self._task.start
-        return path_to(self._model, q, start, _HOME_SPEED, _HOME_TOLERANCE)
+    def path_home(self, q: JointPositions) -> JointPath | None:
+        """The path of the joints to the start of the task; None at the start."""
+        return path_to(self._model, q, self._task.start, _HOME_SPEED, _HOME_TOLERANCE)
 
-    def target(self, x_end: np.ndarray, R_end: np.ndarray, q: np.ndarray) -> Goal:
-        """The tip in a straight line to a pose.
-
-        Args:
-            x_end: Position, (3,) [m].
-            R_end: Orientation, (3, 3).
-            q: Where the joints are, (n,) [rad].
-
-        Raises:
-            RangeError: The pose is out of reach, or so far away that it would take hours.
+    def target(self, x_end: Position, R_end: Rotation, q: JointPositions) -> Goal:
+        """The tip in a straight line to a pose, with the joints at q now. Raises RangeError for a
+        pose out of reach, or so far away that it would take hours.
         """
-        settings = self._settings
+        speed = self._settings.target_speed
         self._model.check_reach(x_end)
 
-        def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
-            path = straight_segment(
-                self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns
-            )
-            return Planner(path, x, R, feedback_limit=settings.target_speed)
+        def make_planner(x: Position, R: Rotation) -> Planner:
+            path = straight_segment(self._task, x, R, x_end, R_end, speed, turns=self._turns)
+            return Planner(path, x, R, feedback_limit=speed)
 
-        def make_follower(x: np.ndarray, R: np.ndarray, dx: np.ndarray, t: float) -> TargetFollower:
+        def make_follower(x: Position, R: Rotation, dx: TaskVelocity, t: Seconds) -> TargetFollower:
+            start = R if self._turns else None
             follower = TargetFollower(
-                self._task,
-                x,
-                R if self._turns else None,
-                dx,
-                t,
-                speed=settings.target_speed,
-                acceleration=_TARGET_ACCELERATION,
-                feedback_limit=settings.target_speed,
+                self._task, x, start, dx, t, speed=speed, acceleration=_TARGET_ACCELERATION
             )
             follower.set_target(target.x, target.R)
             return follower
 
         make_planner(*self._model.tip(q))
         target = Target(x_end, R_end if self._turns else None, make_follower)
-        return Goal(make_planner=make_planner, target=target, patience=settings.resume_within)
+        return Goal(make_planner=make_planner, target=target, patience=self._settings.resume_within)
 
-    def check_age(self, stamp: int, now: int, time_of_day: int) -> None:
+    def check_age(self, stamp: Nanoseconds, now: Nanoseconds, time_of_day: Nanoseconds) -> None:
         """Refuse a goal of long ago; one stamped by this computer's clock counts by its arrival.
 
         Args:
-            stamp: Stamp of the goal [ns]; 0 means now.
-            now: Time by the robot's clock [ns].
-            time_of_day: Time by this computer's clock [ns].
+            stamp: Stamp of the goal; 0 means now.
+            now: Time by the robot's clock.
+            time_of_day: Time by this computer's clock.
 
         Raises:
             GoalError: The stamp is further than a second from now, by either clock.
@@ -204,22 +175,22 @@ class Goals:
 
 def straight_segment(
     task: WaypointTask,
-    x: np.ndarray,
-    R: np.ndarray,
-    x_end: np.ndarray,
-    R_end: np.ndarray,
+    x: Position,
+    R: Rotation,
+    x_end: Position,
+    R_end: Rotation,
     speed: float,
     *,
     turns: bool = True,
 ) -> WaypointTask:
-    """A straight segment from rest to rest.
+    """A straight segment from rest at x, R to rest, with the gains and tolerances of a task.
 
     Args:
-        task: Task with the gains and tolerances.
-        x: Where it begins, (3,) [m].
-        R: Orientation there, (3, 3).
-        x_end: Where it ends, (3,) [m].
-        R_end: Orientation there, (3, 3).
+        task: See above.
+        x: Where it begins.
+        R: Orientation there.
+        x_end: Where it ends.
+        R_end: Orientation there.
         speed: Largest speed of the tip [m/s], and of the turn ten times as many [rad/s].
         turns: Whether the orientation is part of the task.
     """

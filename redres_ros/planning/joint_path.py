@@ -6,6 +6,7 @@ import numpy as np
 
 from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED, quintic
 from redres_ros.robot_model import RobotModel
+from redres_ros.types import JointAccelerations, JointPositions, JointVelocities, Seconds
 
 _SHORTEST = 0.5  # [s]
 _GAIN = 10.0  # k_P of the feedback [1/s]
@@ -16,46 +17,36 @@ _MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the r
 
 @dataclass(frozen=True)
 class JointReference:
-    """The reference of a joint path at one tick.
+    """The reference of a joint path at one tick; finished: the end is reached."""
 
-    Attributes:
-        dq: Joint velocity, (n,) [rad/s].
-        q_d: Desired joint positions, (n,) [rad].
-        error: q_d - q, (n,) [rad].
-        finished: The end is reached.
-    """
-
-    dq: np.ndarray
-    q_d: np.ndarray
-    error: np.ndarray
+    dq: JointVelocities
+    q_d: JointPositions
+    error: JointPositions
     finished: bool
 
 
 class JointPath:
-    """The quintic of Eq. (36) from q_start to q_end for every joint, with feedback as in Eq. (37).
+    """The quintic of Eq. (36) for every joint, with feedback as in Eq. (37).
 
     It takes as long as the slowest joint needs, so that no joint exceeds its velocity or its
-    acceleration on a path that is followed exactly.
+    acceleration, which may be infinite, on a path that is followed exactly. Feedback keeps to the
+    velocities, too.
+
+    Attributes:
+        duration: How long it takes [s].
     """
 
     def __init__(
         self,
-        q_start: np.ndarray,
-        q_end: np.ndarray,
-        velocity: np.ndarray,
-        acceleration: np.ndarray,
+        q_start: JointPositions,
+        q_end: JointPositions,
+        velocity: JointVelocities,
+        acceleration: JointAccelerations,
         *,
         turning: np.ndarray | None = None,
     ) -> None:
-        """A path, at its start.
-
-        Args:
-            q_start: (n,) [rad].
-            q_end: (n,) [rad].
-            velocity: Largest one of each joint, (n,) [rad/s]; feedback keeps to it, too.
-            acceleration: Largest one of each joint, (n,) [rad/s^2]; infinite for no limit.
-            turning: Whether each joint has a range of more than a turn, (n,), so that its driver
-                may report angles of one turn only; None: no joint has.
+        """A path, at its start; `turning`, (n,), says which joints have a range of more than a
+        turn, so that their driver may report angles of one turn only. None: no joint has.
         """
         self._q_start = q_start.copy()
         self._delta = q_end - q_start
@@ -64,15 +55,11 @@ class JointPath:
         distance = np.abs(self._delta)
         by_speed = PEAK_SPEED * distance / velocity  # (n,) [s]
         by_acceleration = np.sqrt(PEAK_ACCELERATION * distance / acceleration)  # (n,) [s]
-        self.duration = float(max(by_speed.max(), by_acceleration.max(), _SHORTEST))  # [s]
+        self.duration = float(max(by_speed.max(), by_acceleration.max(), _SHORTEST))
 
-    def reference(self, q: np.ndarray, t: float, rate: float = 1.0) -> JointReference:
-        """The reference at this time.
-
-        Args:
-            q: (n,) where the joints are [rad].
-            t: Time since the path began [s]; it advances by s T if limits leave the fraction s.
-            rate: Factor on the velocity along the path while the clock goes slower.
+    def reference(self, q: JointPositions, t: Seconds, rate: float = 1.0) -> JointReference:
+        """The reference for joints at q at a time since the path began, which advances by s T if
+        limits leave the fraction s; `rate` is a factor on the velocity along the path.
         """
         s, ds = quintic(t / self.duration)
         q_d = self._q_start + s * self._delta  # Eq. (36)
@@ -86,18 +73,16 @@ class JointPath:
 
 
 def path_to(
-    model: RobotModel, q: np.ndarray, q_end: np.ndarray, fraction: float, tolerance: float
+    model: RobotModel,
+    q: JointPositions,
+    q_end: JointPositions,
+    fraction: float,
+    tolerance: float,
 ) -> JointPath | None:
-    """The joint-space motion of an arm to given positions; None if it is there.
+    """The motion of an arm from q to q_end, at a fraction of its velocity and acceleration limits;
+    None if every joint is there to within the tolerance [rad].
 
     A joint with a range of more than a turn goes to the nearest equal angle within its range.
-
-    Args:
-        model: The arm.
-        q: Where the joints are, (n,) [rad].
-        q_end: Where they are to go, (n,) [rad].
-        fraction: Fraction of the arm's velocity and acceleration limits that the motion uses.
-        tolerance: Distance of each joint below which the arm is there [rad].
     """
     turning = model.q_max - model.q_min > _TURN
     nearest = q_end + _whole_turns(q - q_end, turning)

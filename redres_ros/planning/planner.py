@@ -1,9 +1,10 @@
-"""Task velocities along the points of a task: quintic segments (36) with feedback (37), for the
-position of the tip alone or together with its orientation.
+"""What leads the tip: along the points of a task in quintic segments (36) with feedback (37), or to
+a target that changes while the tip moves. For the position alone or together with the orientation.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,76 +12,87 @@ from redres_ros.interpolation import quintic
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
+from redres_ros.types import Position, Rotation, RotationVector, Seconds, TaskVelocity
 
 LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
 
+_GAIN = 3.0  # [1/s] speed for a distance near a target
+_DAMPING = 4.0  # times the gain: both poles are at -2 gain
+
 
 class Reference(NamedTuple):
-    """The reference of the planner at one tick.
+    """The reference at one tick.
 
     Attributes:
         dx: Task velocity, (3,) [m/s], or (6,) with the angular part [rad/s] below.
-        x_d: Desired position, (3,) [m].
+        x_d: Desired position.
         error: x_d - x, (3,) [m].
         segment: 1 for the segment to x_1 and so on, 0 for an approach to x_0.
         finished: The last point is reached and held.
-        R_d: Desired orientation, (3, 3); None for a position alone.
-        orientation_error: The turn that is left, (3,) [rad]; None likewise.
+        R_d: Desired orientation; None for a position alone.
+        orientation_error: The turn that is left; None likewise.
     """
 
-    dx: np.ndarray
-    x_d: np.ndarray
-    error: np.ndarray
+    dx: TaskVelocity
+    x_d: Position
+    error: Position
     segment: int
     finished: bool
-    R_d: np.ndarray | None = None
-    orientation_error: np.ndarray | None = None
+    R_d: Rotation | None = None
+    orientation_error: RotationVector | None = None
 
 
 class ReferenceSource(Protocol):
-    """What leads the tip: points, a target that moves, an operator."""
+    """What leads the tip.
 
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
+    Attributes:
+        duration: How long it takes on a path that is followed exactly [s].
+    """
+
+    duration: Seconds
 
     def reference(
         self,
-        x: np.ndarray,
-        t: float,
-        R: np.ndarray | None = None,
+        x: Position,
+        t: Seconds,
+        R: Rotation | None = None,
         *,
-        unachieved: np.ndarray | None = None,
+        unachieved: TaskVelocity | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """The reference at this time.
+        """The reference for a tip at x and R, without R for the position alone.
 
         Args:
-            x: (3,) where the tip is [m].
-            t: Time of the task [s] since it began; it never goes back. Where the arm executes the
+            x: Where the tip is.
+            t: Time of the task since it began; it never goes back. Where the arm executes the
                 fraction s of the velocity, it goes on by s T.
-            R: (3, 3) how the tip is turned; None for the position alone.
-            unachieved: (m,), the part of the last dx that a singularity blocks.
+            R: Its orientation.
+            unachieved: The part of the last dx that a singularity blocks.
             rate: Factor on the velocity along the path, for a clock that is going slower.
         """
 
-    def time_left(self, t: float) -> float:
-        """Time left of the current segment at a time t of the task [s]; 0 once it is overdue."""
+    def time_left(self, t: Seconds) -> Seconds:
+        """Time left of the current segment; 0 once it is overdue."""
 
-    def elapsed(self, t: float) -> float:
-        """How much of the duration is over at a time t of the task [s]."""
+    def elapsed(self, t: Seconds) -> Seconds:
+        """How much of the duration is over."""
 
 
 class Planner(ReferenceSource):
-    """Passes a task's points, one segment after the other, and then holds the last one."""
+    """Passes a task's points, one segment after the other, and then holds the last one.
+
+    The next segment begins at the first tick at which this one is over; WaypointTask.switching says
+    when that is. A point that can be reached no better, because of what is unachieved, does not
+    keep a segment from ending; the last point must still be reached.
+    """
 
     def __init__(
         self,
         task: WaypointTask,
-        x_start: np.ndarray | None = None,
-        R_start: np.ndarray | None = None,
+        x_start: Position | None = None,
+        R_start: Rotation | None = None,
         *,
         feedback_limit: float = np.inf,
     ) -> None:
@@ -88,106 +100,82 @@ class Planner(ReferenceSource):
 
         Args:
             task: Points, and how to pass them.
-            x_start: (3,) where the tip is [m]. Unless it is x_0 to within 5 mm, a first
-                segment of its own leads to x_0, no faster than the fastest one of the task. None
-                begins at x_0.
-            R_start: (3, 3) how the tip is turned; None begins as at x_0. A task that says nothing
-                of orientations holds the one with which it begins.
+            x_start: Where the tip is. Unless it is x_0 to within 5 mm, a first segment of its own
+                leads to x_0, no faster than the fastest one of the task. None begins at x_0.
+            R_start: Its orientation; None begins as at x_0. A task that says nothing of
+                orientations holds the one with which it begins.
             feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
                 orientation. Errors that need more come from an interruption, and a jump in velocity
                 would be the response to them.
         """
         self._task = task
-        self._approach_time = task.segment_time  # [s]
-        self._feedback = task.feedback_gain, feedback_limit
+        self._feedback = partial(limited, task.feedback_gain, feedback_limit)
         self._points = task.waypoints.copy()  # (N, 3)
         self._turns = task.orientations  # (N, 3, 3), None until one is known
+        self._times = [task.segment_time] * task.segments  # [s]
         self._first_segment = 1
         if self._is_away(x_start, R_start):
             self._approach_from(x_start, R_start)
         if self._turns is None and R_start is not None:
             self._hold(R_start)
-        self._t_segment = 0.0
-        self._begin_segment(0)
+        self.duration = sum(self._times)
+        self._index = 0  # of the segment; that of the last point when all is finished
+        self._t_segment = 0.0  # [s] at which it began
 
     def reference(
         self,
-        x: np.ndarray,
-        t: float,
-        R: np.ndarray | None = None,
+        x: Position,
+        t: Seconds,
+        R: Rotation | None = None,
         *,
-        unachieved: np.ndarray | None = None,
+        unachieved: TaskVelocity | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """The reference at this time; arguments as of ReferenceSource.reference().
-
-        The next segment begins at the first tick at which this one is over, WaypointTask.switching
-        saying when that is. A point that can be reached no better, because of what is unachieved,
-        does not keep a segment from ending; the last point must still be reached.
-        """
+        """As of ReferenceSource."""
         if R is not None and self._turns is None:
             self._hold(R)
         while not self._finished and self._is_over(x, t, R, unachieved):
             self._t_segment = t
-            self._begin_segment(self._index + 1)
-        T_AB = self._T_AB
+            self._index += 1
+        start = min(self._index, len(self._times) - 1)
+        T_AB = self._times[start]
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
-        start = min(self._index, len(self._points) - 2)
         ds *= rate / T_AB  # [1/s]
         end = self._points[start + 1]
-        way = end - self._points[start]
-        x_d = self._points[start] + way * s if s < 1.0 else end.copy()  # Eq. (36)
+        line = end - self._points[start]
+        x_d = self._points[start] + line * s if s < 1.0 else end.copy()  # Eq. (36)
         error = x_d - x
-        dx = limited(*self._feedback, error) + way * ds  # Eq. (37)
+        dx = self._feedback(error) + line * ds  # Eq. (37)
         segment = start + self._first_segment
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, segment, self._finished)
-        R_d, turn = self._on_the_arc(self._turns, start, s)
+        A = self._turns[start]
+        B = self._turns[start + 1]
+        turn = rotation_error(A, B)
+        R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
         turn_left = rotation_error(R, R_d)
-        w = turn * ds + limited(*self._feedback, turn_left)  # Eq. (36), (37)
+        w = turn * ds + self._feedback(turn_left)  # Eq. (36), (37)
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
-    def time_left(self, t: float) -> float:
-        """Time left of the current segment at a time t of the task [s]."""
-        left = self._t_segment + self._T_AB - t
+    def time_left(self, t: Seconds) -> Seconds:
+        """As of ReferenceSource."""
+        time = self._times[min(self._index, len(self._times) - 1)]
+        left = self._t_segment + time - t
         return left if left > _ROUNDING else 0.0
 
-    @property
-    def duration(self) -> float:
-        """How long all segments take on a path that is followed exactly [s]."""
-        return self._time_before(len(self._points) - 1)
-
-    def elapsed(self, t: float) -> float:
-        """How much of the duration is over at a time t of the task [s]."""
+    def elapsed(self, t: Seconds) -> Seconds:
+        """As of ReferenceSource."""
         if self._finished:
             return self.duration
-        return self._time_before(self._index + 1) - self.time_left(t)
+        return sum(self._times[: self._index + 1]) - self.time_left(t)
 
-    def _time_before(self, index: int) -> float:
-        """How long the segments before a point take [s]."""
-        if index == 0:
-            return 0.0
-        first = self._approach_time if self._first_segment == 0 else self._task.segment_time
-        return first + (index - 1) * self._task.segment_time
-
-    def _begin_segment(self, index: int) -> None:
-        """Go over to a segment; after the last one all is finished."""
-        self._index = index
-        self._finished = index == len(self._points) - 1
-        is_approach = index + self._first_segment == 0
-        self._T_AB = self._approach_time if is_approach else self._task.segment_time  # [s]
-
-    def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """R_d, (3, 3), at the fraction s of the turn to the next point, and that turn, (3,)."""
-        A = turns[start]
-        B = turns[start + 1]
-        turn = rotation_error(A, B)
-        R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
-        return R_d, turn
+    @property
+    def _finished(self) -> bool:
+        return self._index == len(self._times)
 
     def _is_over(
-        self, x: np.ndarray, t: float, R: np.ndarray | None, unachieved: np.ndarray | None
+        self, x: Position, t: Seconds, R: Rotation | None, unachieved: TaskVelocity | None
     ) -> bool:
         is_early = self.time_left(t) > 0.0
         if (is_early and self._task.switching == 'at_rest') or t <= self._t_segment:
@@ -198,23 +186,21 @@ class Planner(ReferenceSource):
         if R is not None and self._turns is not None:
             errors.append(rotation_error(R, self._turns[end]))
             tolerances.append(self._task.orientation_tolerance)
-        is_last = end == len(self._points) - 1
+        is_last = end == len(self._times)
         if unachieved is not None and not is_last and not is_early:
-            errors = [self._reachable(error, part) for error, part in _pairs(errors, unachieved)]
-        return all(
-            float(np.linalg.norm(error)) < tolerance
-            for error, tolerance in zip(errors, tolerances, strict=True)
-        )
+            blocked = np.split(unachieved, len(errors))
+            errors = [self._reachable(*each) for each in zip(errors, blocked, strict=True)]
+        return all(map(_is_short, errors, tolerances))
 
     def _reachable(self, error: np.ndarray, unachieved: np.ndarray) -> np.ndarray:
         """The part of an error (3,) whose feedback is achieved."""
-        asked = limited(*self._feedback, error)
+        asked = self._feedback(error)
         size = float(np.linalg.norm(asked))
         if size == 0.0:
             return error
         return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
-    def _is_away(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> bool:
+    def _is_away(self, x_start: Position | None, R_start: Rotation | None) -> bool:
         """Whether the tip has to go to x_0 first."""
         if x_start is not None and np.linalg.norm(x_start - self._points[0]) > _START_TOLERANCE:
             return True
@@ -223,7 +209,7 @@ class Planner(ReferenceSource):
         turn = rotation_error(R_start, self._turns[0])
         return bool(np.linalg.norm(turn) * LEVER > _START_TOLERANCE)
 
-    def _approach_from(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> None:
+    def _approach_from(self, x_start: Position | None, R_start: Rotation | None) -> None:
         """Add a segment to x_0 before the task."""
         x = self._points[0] if x_start is None else x_start
         self._points = np.vstack((x, self._points))
@@ -233,29 +219,124 @@ class Planner(ReferenceSource):
             self._turns = np.concatenate((R[None], self._turns))
         approach, *others = map(self._size, range(len(self._points) - 1))
         longest = max(others) or approach
-        self._approach_time = self._task.segment_time * max(approach / longest, 1.0)
+        self._times.insert(0, self._task.segment_time * max(approach / longest, 1.0))
 
     def _size(self, start: int) -> float:
         """Length of a segment [m]; a turn counts by its arc at a radius of 0.1 m."""
         size = float(np.linalg.norm(self._points[start + 1] - self._points[start]))
         if self._turns is None:
             return size
-        _, turn = self._on_the_arc(self._turns, start, 1.0)
+        turn = rotation_error(self._turns[start], self._turns[start + 1])
         return max(size, LEVER * float(np.linalg.norm(turn)))
 
-    def _hold(self, R: np.ndarray) -> None:
+    def _hold(self, R: Rotation) -> None:
         """Hold this orientation at every point."""
         self._turns = np.tile(R, (len(self._points), 1, 1))
 
 
-def _pairs(errors: list[np.ndarray], unachieved: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Each error (3,) with the part of `unachieved` that belongs to it."""
-    return [(error, unachieved[3 * i : 3 * i + 3]) for i, error in enumerate(errors)]
+class TargetFollower(ReferenceSource):
+    """A point mass that is drawn to a target, with limited speed and acceleration.
+
+    Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
+    takes a straight line; near the target it is a critically damped spring. What is unachieved does
+    not count: only the target itself ends the motion.
+    """
+
+    def __init__(
+        self,
+        task: WaypointTask,
+        x: Position,
+        R: Rotation | None,
+        dx: TaskVelocity,
+        t: Seconds = 0.0,
+        *,
+        speed: float,
+        acceleration: float,
+    ) -> None:
+        """A mass at x and R (None for the position alone) with the velocity dx.
+
+        Args:
+            task: Has the feedback gain and the tolerances.
+            x: Where the tip is.
+            R: Its orientation.
+            dx: The task velocity with which it goes on.
+            t: Time of the task now.
+            speed: Largest one, also of what feedback adds [m/s]; a turn is ten times as fast.
+            acceleration: Largest one [m/s^2]; of a turn ten times as many [rad/s^2].
+        """
+        self._task = task
+        self._speed = speed
+        self._acceleration = acceleration
+        self._feedback = partial(limited, task.feedback_gain, speed)
+        self._x = x
+        self._R = R
+        self._v = dx[:3]
+        self._w = dx[3:]
+        self._t = t
+        self.set_target(x, R)
+
+    def set_target(self, x: Position, R: Rotation | None) -> None:
+        """Go to another pose from here on."""
+        self._x_end = x
+        self._R_end = R
+        self.duration = max(self.time_left(self._t), 1e-9)  # [s]
+
+    def reference(
+        self, x: Position, t: Seconds, R: Rotation | None = None, *, rate: float = 1.0, **_: Any
+    ) -> Reference:
+        """As of ReferenceSource."""
+        dt = max(t - self._t, 0.0)
+        self._t = t
+        self._v = self._next_velocity(self._x_end - self._x, self._v, dt, 1.0)
+        self._x = self._x + dt * self._v
+        error = self._x - x
+        dx = rate * self._v + self._feedback(error)  # Eq. (37)
+        is_there = _is_short(self._x_end - x, self._task.tolerance)
+        if R is None or self._R is None or self._R_end is None:
+            return Reference(dx, self._x, error, 1, is_there)
+        turn = rotation_error(self._R, self._R_end)
+        self._w = self._next_velocity(turn, self._w, dt, 1.0 / LEVER)
+        self._R = rotation_matrix(dt * self._w).dot(self._R)
+        turn_left = rotation_error(R, self._R)
+        twist = np.concatenate((dx, rate * self._w + self._feedback(turn_left)))
+        is_there &= _is_short(rotation_error(R, self._R_end), self._task.orientation_tolerance)
+        return Reference(twist, self._x, error, 1, is_there, self._R, turn_left)
+
+    def time_left(self, t: Seconds) -> Seconds:
+        """About how long the motion still takes, whatever the time; 0 beside the target."""
+        distance = float(np.linalg.norm(self._x_end - self._x))
+        if self._R is not None and self._R_end is not None:
+            angle = float(np.linalg.norm(rotation_error(self._R, self._R_end)))
+            distance = max(distance, LEVER * angle)
+        return distance / self._speed if distance > self._task.tolerance else 0.0
+
+    def elapsed(self, t: Seconds) -> Seconds:
+        """As of ReferenceSource."""
+        return max(self.duration - self.time_left(t), 0.0)
+
+    def _next_velocity(
+        self, offset: np.ndarray, v: np.ndarray, dt: Seconds, scale: float
+    ) -> np.ndarray:
+        """The velocity after dt, (3,), from v (3,) at an offset (3,) from the target; scale is of
+        speed and acceleration: 1 for lengths, 1 / LEVER for turns.
+        """
+        distance = float(np.linalg.norm(offset))
+        acceleration = scale * self._acceleration
+        braking = np.sqrt(acceleration * distance)  # with half of the acceleration
+        speed = min(_GAIN * distance, braking, scale * self._speed)
+        desired = offset * (speed / distance) if distance > 0.0 else np.zeros(3)
+        change = min(_DAMPING * _GAIN * dt, 1.0) * (desired - v)
+        excess = float(np.linalg.norm(change)) / max(acceleration * dt, 1e-12)
+        return v + change / max(excess, 1.0)
 
 
 def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
-    """The feedback k_P e of Eq. (37), (3,), no longer than the limit, which may be infinite."""
+    """The feedback k_P e (3,) of Eq. (37), no longer than the limit, which may be infinite."""
     feedback = gain * error
     x, y, z = feedback.tolist()
     excess = math.sqrt(x * x + y * y + z * z) / limit
     return feedback / excess if excess > 1.0 else feedback
+
+
+def _is_short(error: np.ndarray, tolerance: float) -> bool:
+    return float(np.linalg.norm(error)) < tolerance

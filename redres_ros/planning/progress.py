@@ -7,6 +7,7 @@ from redres_ros.laws import make_law
 from redres_ros.policy import Policy
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import make_task
+from redres_ros.types import JointPositions, Nanoseconds, Position, Seconds, TaskVelocity
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
 _FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
@@ -20,20 +21,21 @@ class ProgressMonitor:
     While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
     error that becomes smaller.
 
-    Args:
-        stuck_after: Time without progress after which the motion is stuck [s].
-        give_up_after: The same, after which it is given up [s].
+    Attributes:
+        stuck_after: Time without progress after which there is a remark [s].
+        give_up_after: Time without progress after which the goal is given up [s].
+        remark: Why there is no progress; empty until stuck_after.
     """
 
-    def __init__(self, stuck_after: float = 5.0, give_up_after: float = 30.0) -> None:
+    def __init__(self, stuck_after: Seconds = 5.0, give_up_after: Seconds = 30.0) -> None:
         self.stuck_after = stuck_after
         self.give_up_after = give_up_after
         self.begin()
 
     def begin(self) -> None:
         """A motion begins."""
-        self.idle = 0.0  # [s] without progress
-        self.remark = ''  # why there is none; empty unless it is stuck
+        self._idle = 0.0  # [s] without progress
+        self.remark = ''
         self._segment = -1
         self._left = 0.0
         self._error = 0.0
@@ -45,15 +47,15 @@ class ProgressMonitor:
         self._limits = limits or self._limits
 
     def enter(
-        self, seconds: float, segment: int, left: float, error: float, distance: str = ''
+        self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
     ) -> None:
         """Update the progress.
 
         Args:
-            seconds: Since the last call [s].
+            seconds: Since the last call.
             segment: Number of the current one.
-            left: Part of its time [s]; 0 once it should be over.
-            error: Error of the position, in any unit.
+            left: Part of its time; 0 once it should be over.
+            error: Distance from its end, in any unit.
             distance: The same in words.
         """
         self._distance = distance
@@ -63,26 +65,21 @@ class ProgressMonitor:
             self._segment = segment
             self._left = left
             self._error = error
-            self.idle = 0.0
+            self._idle = 0.0
             self.remark = ''
             self._limits = ''
         else:
-            self.idle += seconds
-        if self.is_stuck and not self.remark:
+            self._idle += seconds
+        if self._idle >= self.stuck_after and not self.remark:
             self.remark = self.reason(self.stuck_after)
-
-    @property
-    def is_stuck(self) -> bool:
-        """Whether there was no progress for stuck_after."""
-        return self.idle >= self.stuck_after
 
     @property
     def is_hopeless(self) -> bool:
         """Whether there was no progress for give_up_after."""
-        return self.idle >= self.give_up_after
+        return self._idle >= self.give_up_after
 
-    def reason(self, seconds: float) -> str:
-        """Why there has been no progress for so many seconds, in words."""
+    def reason(self, seconds: Seconds) -> str:
+        """Why there has been no progress for so long, in words."""
         parts = filter(None, (self._limits, self._distance))
         return f'no progress for {seconds:g} s: {"; ".join(parts)}'
 
@@ -95,13 +92,9 @@ class Standstill:
         self._x = np.zeros(3)  # of the tip then [m]
         self._rests = False
 
-    def enter(self, stamp: int, x: np.ndarray, asked: float) -> bool:
-        """Whether the tip was at rest in the last tenth of a second that is over.
-
-        Args:
-            stamp: Stamp of the state [ns].
-            x: Position of the tip, (3,) [m].
-            asked: Speed that is asked for [m/s].
+    def enter(self, stamp: Nanoseconds, x: Position, asked: float) -> bool:
+        """Whether the tip, asked for a speed [m/s], was at rest in the last tenth of a second that
+        is over.
         """
         elapsed = stamp - self._since
         if not 0 <= elapsed < _MOMENT:
@@ -116,29 +109,20 @@ class Standstill:
 class UnachievedVelocity:
     """The part of a task velocity that a singularity does not let through, whatever the law.
 
-    Args:
-        model: The arm.
-        task_space: 'position' or 'pose'.
-        T: Sampling time [s].
-        end_of_reach: The smallest singular value there, relative to the largest one.
+    `end_of_reach` is the smallest singular value there, relative to the largest one.
     """
 
-    def __init__(self, model: RobotModel, task_space: str, T: float, end_of_reach: float) -> None:
+    def __init__(self, model: RobotModel, task_space: str, T: Seconds, end_of_reach: float) -> None:
         self._model = model
         self._T = T
         self._end_of_reach = end_of_reach
         self._policy = Policy(make_law('minimum_velocity'), make_task(task_space))
         self._standstill = Standstill()
 
-    def of(self, stamp: int, q: np.ndarray, x: np.ndarray, asked: np.ndarray) -> np.ndarray | None:
-        """The blocked part, (m,), or None; all of it if the arm rests at the end of its reach.
-
-        Args:
-            stamp: Stamp of the state [ns].
-            q: Joint positions, (n,) [rad].
-            x: Position of the tip, (3,) [m].
-            asked: Task velocity, (m,) [m/s], [rad/s].
-        """
+    def of(
+        self, stamp: Nanoseconds, q: JointPositions, x: Position, asked: TaskVelocity
+    ) -> TaskVelocity | None:
+        """The blocked part, or None; all of it if the arm rests at the end of its reach."""
         state = RobotState(self._model, q, np.zeros(len(q)))
         rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
         if rests and not is_far(state.J[:3], self._end_of_reach):

@@ -4,6 +4,8 @@ limits act, and resumed slowly.
 
 import math
 
+from redres_ros.types import Cycles, Seconds
+
 # [s] for which nothing may be executed, or received, until the controller counts as not following
 _PATIENCE = 0.1
 
@@ -31,13 +33,8 @@ class PathSpeed:
         self._rate = FALL if self.fraction < 1.0 else 0.0  # [1/s] at which it rises
         self._greedy = greedy
 
-    def advance(self, s: float, seconds: float) -> None:
-        """Advance by some time.
-
-        Args:
-            s: Fraction of the task velocity that was executed.
-            seconds: [s].
-        """
+    def advance(self, s: float, seconds: Seconds) -> None:
+        """Advance by some time in which the fraction s of the task velocity was executed."""
         is_limited = s < 1.0 - _ROUNDING
         if self._greedy or (self.fraction == 1.0 and not is_limited):
             return
@@ -57,22 +54,23 @@ class TaskClock:
     If limits leave only a fraction of the task velocity, the task's time advances by that fraction,
     and the path is kept. While the controller holds or is silent, the time stands still.
 
+    Attributes:
+        t: Time of the task [s].
+
     Args:
-        T: The robot's cycle [s].
+        T: The robot's cycle.
         at_once: The controller follows until it says otherwise, and need not say so; for lock-step.
-        greedy: See PathSpeed; not after an interruption.
     """
 
-    def __init__(self, T: float, at_once: bool = False, greedy: bool = False) -> None:
-        self.t = 0.0  # [s] of the task
+    def __init__(self, T: Seconds, at_once: bool = False) -> None:
+        self.t = 0.0
         self._T = T
-        self._greedy = greedy
-        self._speed = PathSpeed(greedy=greedy)
+        self._speed = PathSpeed()
         self._limit = max(round(_PATIENCE / T), 1)  # cycles
         self._at_once = at_once
         self._scaling = 1.0 if at_once else 0.0
         self._silent = 0  # cycles since the last message of the controller
-        self._standing = 0 if at_once else self._limit  # cycles in which nothing was carried out
+        self._standing = 0 if at_once else self._limit  # cycles in which nothing was executed
 
     @property
     def rate(self) -> float:
@@ -99,7 +97,7 @@ class TaskClock:
     def begin(self) -> None:
         """The task begins, from rest and at its nominal speed."""
         self.t = 0.0
-        self._speed = PathSpeed(greedy=self._greedy)
+        self._speed = PathSpeed()
 
     def resume(self) -> None:
         """The task resumes from rest."""
@@ -111,7 +109,7 @@ class TaskClock:
             self._scaling = 0.0
             self._standing = self._limit
 
-    def advance(self, cycles: int) -> None:
+    def advance(self, cycles: Cycles) -> None:
         """Some cycles of the robot have passed; after more than the controller would go on without
         a task velocity it has to report again.
         """

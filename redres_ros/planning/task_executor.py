@@ -10,10 +10,18 @@ import numpy as np
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import LEVER, Reference, ReferenceSource
+from redres_ros.planning.planner import LEVER, Reference, ReferenceSource, TargetFollower
 from redres_ros.planning.progress import ProgressMonitor
-from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.task_clock import TaskClock
+from redres_ros.types import (
+    JointPositions,
+    JointVelocities,
+    Nanoseconds,
+    Position,
+    Rotation,
+    Seconds,
+    TaskVelocity,
+)
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
 _HELD = 0.5  # [s] for which a controller that could move holds, until that counts as asked for
@@ -36,29 +44,24 @@ UNDER_WAY = (TaskState.WAITING, TaskState.HOMING, TaskState.MOVING)
 
 
 class Step(NamedTuple):
-    """The velocity for a state: of the task, or of the joints.
+    """The velocity for a state: of the task (dx), or of the joints (dq).
 
     Attributes:
-        stamp: Stamp of the state [ns].
-        dx: Task velocity, (3,) [m/s], or (6,) with the angular part below [rad/s]; else None.
-        dq: Joint velocity, (n,) [rad/s]; else None.
         reference: Where dx comes from; None while nothing of the tip's path is asked for.
     """
 
-    stamp: int
-    dx: np.ndarray | None = None
-    dq: np.ndarray | None = None
+    stamp: Nanoseconds
+    dx: TaskVelocity | None = None
+    dq: JointVelocities | None = None
     reference: Reference | None = None
 
 
 class _ArmState(NamedTuple):
-    """The arm at a state: stamp [ns], q (n,) [rad], tip x (3,) [m], R (3, 3), unachieved dx."""
-
-    stamp: int
-    q: np.ndarray
-    x: np.ndarray
-    R: np.ndarray
-    unachieved: np.ndarray | None
+    stamp: Nanoseconds
+    q: JointPositions
+    x: Position
+    R: Rotation
+    unachieved: TaskVelocity | None
 
 
 @dataclass
@@ -68,68 +71,47 @@ class _Pursuit:
     Attributes:
         goal: What is asked for.
         path: Path of the joints, which comes first; None before it is known, or if there is none.
-        planner: Planner of the tip's path; None before it begins.
+        source: What leads the tip afterwards; None before it begins.
         has_begun: Whether anything of it was asked for.
         at_home: Whether the tip's path may begin.
-        x_d: Position of the tip's path, asked for last, (3,) [m].
+        x_d: Position that was asked for last.
         waited: Time spent waiting for the controller, without a break [s].
         held: Part of it in the controller's present mode [s].
     """
 
     goal: Goal
     path: JointPath | None = None
-    planner: ReferenceSource | None = None
+    source: ReferenceSource | None = None
     has_begun: bool = False
     at_home: bool = False
-    x_d: np.ndarray | None = None
-    waited: float = 0.0
-    held: float = 0.0
-
-    def is_away(self, x: np.ndarray) -> bool:
-        """Whether the tip at x (3,) [m] is far from the last reference."""
-        return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
-
-    def progress(self, t: float) -> float:
-        """The fraction of its duration that is over, 0 to 1, at the time t of the current part
-        [s].
-        """
-        whole = self.goal.duration
-        done = 0.0
-        if self.planner is not None:
-            whole = self.planner.duration
-            done = self.planner.elapsed(t)
-        if self.path is not None:
-            whole += self.path.duration
-            done += self.path.duration if self.at_home else min(t, self.path.duration)
-        return done / whole if whole > 0.0 else 0.0
+    x_d: Position | None = None
+    waited: Seconds = 0.0
+    held: Seconds = 0.0
 
 
 class TaskExecutor:
     """Decides at every state the velocity, and when the time of the goal advances.
 
     A goal begins when the controller follows. Before that it ends with a stop of the robot, with a
-    hold that was asked for, and when its patience is over: nothing is carried out that was asked
-    for long ago. A task that is interrupted by a hold goes on when the hold ends; after any other
+    hold that was asked for, and when its patience is over: nothing is executed that was asked for
+    long ago. A task that is interrupted by a hold goes on when the hold ends; after any other
     interruption it goes on within its patience. It begins again if the arm is elsewhere by then. A
     finished goal is over with the first interruption, and every goal with a robot that was started
     again.
 
-    Args:
-        T: The robot's cycle [s].
-        task_clock: The time of the goal.
-        monitor: Notices a lack of progress.
-        task_space: 'position' or 'pose': what is asked for, 3-D or 6-D.
+    Attributes:
+        start_stamp: Stamp of the state at which the tip's path began.
     """
 
     def __init__(
         self,
-        T: float,
+        T: Seconds,
         task_clock: TaskClock,
         monitor: ProgressMonitor,
         task_space: str = 'position',
     ) -> None:
         self.state = TaskState.IDLE
-        self.start_stamp = 0  # stamp of the state at which the tip's path began [ns]
+        self.start_stamp: Nanoseconds = 0
         self._T = T
         self._turns = task_space == 'pose'
         self._task_clock = task_clock
@@ -165,18 +147,18 @@ class TaskExecutor:
         """Lead a tip in motion to the target of a goal; whether that could be done."""
         pursuit = self._pursuit
         target = goal.target
-        is_moving = self.state is TaskState.MOVING
-        if target is None or pursuit is None or self._arm is None:
+        arm = self._arm
+        if target is None or pursuit is None or arm is None:
             return False
         before = pursuit.goal.target
+        is_moving = self.state is TaskState.MOVING
         if is_moving and before is not None and target.is_that_of(before):
             return True
-        planner = pursuit.planner
-        if isinstance(planner, TargetFollower) and (is_moving or self.state is TaskState.FINISHED):
-            planner.set_target(target.x, target.R)
+        source = pursuit.source
+        if isinstance(source, TargetFollower) and (is_moving or self.state is TaskState.FINISHED):
+            source.set_target(target.x, target.R)
         elif is_moving and self._step is not None and self._step.dx is not None:
-            arm = self._arm
-            pursuit.planner = target.make_follower(arm.x, arm.R, self._step.dx, self._task_clock.t)
+            pursuit.source = target.make_follower(arm.x, arm.R, self._step.dx, self._task_clock.t)
         else:
             return False
         pursuit.goal = goal
@@ -220,15 +202,26 @@ class TaskExecutor:
     @property
     def is_due(self) -> bool:
         """Whether the current segment should be over: unachieved velocity matters only then."""
-        planner = None if self._pursuit is None else self._pursuit.planner
-        return planner is not None and planner.time_left(self._task_clock.t) <= 0.0
+        source = None if self._pursuit is None else self._pursuit.source
+        return source is not None and source.time_left(self._task_clock.t) <= 0.0
 
     @property
     def progress(self) -> float:
         """The fraction of the goal's duration that is over, 0 to 1."""
-        if self.state is TaskState.FINISHED:
-            return 1.0
-        return 0.0 if self._pursuit is None else self._pursuit.progress(self._task_clock.t)
+        pursuit = self._pursuit
+        if self.state is TaskState.FINISHED or pursuit is None:
+            return float(self.state is TaskState.FINISHED)
+        t = self._task_clock.t
+        whole = pursuit.goal.duration
+        done = 0.0
+        if pursuit.source is not None:
+            whole = pursuit.source.duration
+            done = pursuit.source.elapsed(t)
+        if pursuit.path is not None:
+            duration = pursuit.path.duration
+            whole += duration
+            done += duration if pursuit.at_home else min(t, duration)
+        return done / whole if whole > 0.0 else 0.0
 
     @property
     def remark(self) -> str:
@@ -243,21 +236,21 @@ class TaskExecutor:
 
     def enter_state(
         self,
-        stamp: int,
-        q: np.ndarray,
-        x: np.ndarray,
-        R: np.ndarray,
-        now: float,
-        unachieved: np.ndarray | None = None,
+        stamp: Nanoseconds,
+        q: JointPositions,
+        x: Position,
+        R: Rotation,
+        now: Seconds,
+        unachieved: TaskVelocity | None = None,
     ) -> Step | None:
         """What is asked for at a state, None for nothing; the same again at the same state.
 
         Args:
-            stamp: Stamp of the state [ns].
-            q: Joint positions, (n,) [rad].
-            x: Tip position, (3,) [m].
-            R: Tip orientation, (3, 3).
-            now: Arrival of the state by a monotonic clock [s].
+            stamp: Stamp of the state.
+            q: Joint positions.
+            x: Tip position.
+            R: Tip orientation.
+            now: Arrival of the state by a monotonic clock.
             unachieved: The part of the last dx that a singularity blocks; None for nothing.
 
         Raises:
@@ -276,25 +269,26 @@ class TaskExecutor:
             self._task_clock.advance(cycles)
         if is_new or self._step is None:
             self._arm = _ArmState(stamp, q, x, R, unachieved)
-            self._step = self._respond(self._arm)
+            self._step = self._next_step(self._arm)
         return self._step
 
-    def _respond(self, state: _ArmState) -> Step | None:
+    def _next_step(self, arm: _ArmState) -> Step | None:
         pursuit = self._pursuit
         if pursuit is None:
             return None
         if self._is_interrupted:
-            return self._wait(pursuit, state)
-        if self.state is TaskState.WAITING and pursuit.is_away(state.x):
-            pursuit.planner = None
+            return self._wait(pursuit, arm)
+        is_away = pursuit.x_d is not None and np.linalg.norm(arm.x - pursuit.x_d) > _AWAY
+        if self.state is TaskState.WAITING and is_away:
+            pursuit.source = None
             pursuit.at_home = False
         if not pursuit.at_home:
-            step = self._go_home(pursuit, state)
+            step = self._go_home(pursuit, arm)
             if not pursuit.at_home:
                 return step
         make_planner = pursuit.goal.make_planner
         if make_planner is not None:
-            return self._follow_path(pursuit, make_planner, state)
+            return self._follow_path(pursuit, make_planner, arm)
         self._pursuit = None
         self.state = TaskState.FINISHED
         return None
@@ -306,7 +300,7 @@ class TaskExecutor:
         is_at_limit = may_be_at_limit and self._mode == _MOVING and self._task_clock.is_receiving
         return not (self._task_clock.follows or is_at_limit)
 
-    def _wait(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
+    def _wait(self, pursuit: _Pursuit, arm: _ArmState) -> Step | None:
         """Zero velocity: the controller reports whether it would follow."""
         if self.state is TaskState.FINISHED:
             self._pursuit = None
@@ -322,8 +316,8 @@ class TaskExecutor:
             self._end(over)
             return None
         if pursuit.path is not None and not pursuit.at_home:
-            return Step(state.stamp, dq=np.zeros(len(state.q)))
-        return Step(state.stamp, dx=np.zeros(6 if self._turns else 3))
+            return Step(arm.stamp, dq=np.zeros(len(arm.q)))
+        return Step(arm.stamp, dx=np.zeros(6 if self._turns else 3))
 
     def _why_over(self, pursuit: _Pursuit) -> str:
         """Why a waiting goal is to be given up; empty if it is not."""
@@ -338,91 +332,83 @@ class TaskExecutor:
             return ''
         return f'the controller has not followed for {goal.patience:g} s (resume_within)'
 
-    def _go_home(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
+    def _go_home(self, pursuit: _Pursuit, arm: _ArmState) -> Step | None:
         """The joint velocity towards the start of the tip's path."""
         make_path = pursuit.goal.make_path
         if self.state is TaskState.WAITING:
-            pursuit.path = make_path(state.q) if make_path else None
+            pursuit.path = make_path(arm.q) if make_path else None
             self._task_clock.begin()
             self._monitor.begin()
         pursuit.has_begun = True
         path = pursuit.path
-        if path is None:
-            pursuit.at_home = True
-            return None
         t = self._task_clock.t
-        reference = path.reference(state.q, t, self._task_clock.rate)
-        if reference.finished:
+        reference = path.reference(arm.q, t, self._task_clock.rate) if path else None
+        if path is None or reference is None or reference.finished:
             pursuit.at_home = True
             return None
         self.state = TaskState.HOMING
         left = max(path.duration - t, 0.0)
         error = float(np.abs(reference.error).max())
-        distance = f'a joint is {error:.3g} rad from the start of the task'
-        if left > 0.0:
-            distance = f'{left:.3g} s before the start of the task'
-        self._watch(0, left, error, distance)
-        return Step(state.stamp, dq=reference.dq) if self._pursuit else None
+        self._watch(0, left, error, f'a joint is {error:.3g} rad from', 'the start of the task')
+        return Step(arm.stamp, dq=reference.dq) if self._pursuit else None
 
     def _follow_path(
         self,
         pursuit: _Pursuit,
-        make_planner: Callable[[np.ndarray, np.ndarray], ReferenceSource],
-        state: _ArmState,
+        make_planner: Callable[[Position, Rotation], ReferenceSource],
+        arm: _ArmState,
     ) -> Step | None:
         """The task velocity along the tip's path."""
-        if pursuit.planner is None:
-            pursuit.planner = make_planner(state.x, state.R)
+        if pursuit.source is None:
+            pursuit.source = make_planner(arm.x, arm.R)
             self._task_clock.begin()
             self._monitor.begin()
-            self.start_stamp = state.stamp
+            self.start_stamp = arm.stamp
         elif self.state is TaskState.WAITING:
             self._task_clock.resume()
         t = self._task_clock.t
-        planner = pursuit.planner
-        reference = planner.reference(
-            state.x,
+        reference = pursuit.source.reference(
+            arm.x,
             t,
-            state.R if self._turns else None,
-            unachieved=state.unachieved,
+            arm.R if self._turns else None,
+            unachieved=arm.unachieved,
             rate=self._task_clock.rate,
         )
         pursuit.x_d = reference.x_d
+        step = Step(arm.stamp, reference.dx, None, reference)
         if reference.finished:
             self.state = TaskState.FINISHED
-            return Step(state.stamp, reference.dx, None, reference)
+            return step
         self.state = TaskState.MOVING
-        left = planner.time_left(t)
         error = float(np.linalg.norm(reference.error))
-        distance = f'the tip is {error:.3g} m from the next point'
+        distance = f'the tip is {error:.3g} m from'
         if reference.orientation_error is not None:
             angle = float(np.linalg.norm(reference.orientation_error))
-            distance += f', and turned by {angle:.3g} rad'
+            distance = f'the tip is turned by {angle:.3g} rad, and {error:.3g} m from'
             error = max(error, LEVER * angle)
-        if left > 0.0:
-            distance = f'{left:.3g} s before the next point'
-        self._watch(reference.segment, left, error, distance)
-        return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
+        left = pursuit.source.time_left(t)
+        self._watch(reference.segment, left, error, distance, 'the next point')
+        return step if self._pursuit else None
 
-    def _watch(self, segment: int, left: float, error: float, distance: str) -> None:
+    def _watch(self, segment: int, left: Seconds, error: float, distance: str, end: str) -> None:
         """Give up a goal without progress; arguments as of ProgressMonitor.enter()."""
-        self._monitor.enter(self._seconds, segment, left, error, distance)
+        if left > 0.0:
+            distance = f'{left:.3g} s before'
+        self._monitor.enter(self._seconds, segment, left, error, f'{distance} {end}')
         if self._monitor.is_hopeless:
             self._end(self._monitor.reason(self._monitor.give_up_after))
             self.state = TaskState.STUCK
 
-    def _end_after(self, silence: float) -> None:
+    def _end_after(self, silence: Seconds) -> None:
         """End a goal of another robot, or of long ago: a person may be near the arm. The silence
-        [s] is from the last stamp to this one, negative for another clock.
+        is from the last stamp to this one, negative for another clock.
         """
         patience = self._pursuit.goal.patience if self._pursuit else None
-        if patience is None or 0.0 < silence <= patience:
+        if patience is None or 0.0 < silence <= patience or self.state not in UNDER_WAY:
             return
-        if self.state in UNDER_WAY:
-            self._end(
-                'the robot was started again, or silent for more than '
-                f'{patience:g} s (resume_within)'
-            )
+        self._end(
+            f'the robot was started again, or silent for more than {patience:g} s (resume_within)'
+        )
 
     def _end(self, reason: str) -> None:
         """Give the goal up."""

@@ -15,6 +15,7 @@ from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 from redres_ros.robots.from_urdf import square_before_tip
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
+from redres_ros.types import JointPositions, Points, Seconds
 
 NODES = ('sim', 'controller', 'planner')  # of a demo
 _SWITCHING = ('at_rest', 'within_tolerance')
@@ -25,15 +26,9 @@ _METRES = ' m'  # ends the position of a linear joint
 
 
 class TaskEvent(NamedTuple):
-    """A change of a node's parameters while a demo runs a task.
+    """A change of a node's parameters while a demo runs a task, so long after the task began."""
 
-    Attributes:
-        at: After the task began [s].
-        node: Its name.
-        parameters: Their values by name.
-    """
-
-    at: float
+    at: Seconds
     node: str
     parameters: Mapping[str, Any]
 
@@ -47,22 +42,16 @@ class WaypointTask:
     the task velocity.
 
     Args:
-        robot: The arm's name.
-        start: Joint positions q(0), (n,) [rad], or [m] of a linear joint.
-        waypoints: Points in the base frame, x_0 being f(q(0)), (N + 1, 3) [m].
+        start: Joint positions q(0), in [m] of a linear joint.
+        waypoints: Points in the base frame, x_0 being f(q(0)).
         orientations: Orientations of the tip at the points, (N + 1, 3, 3); None leaves them free.
-        segment_time: T_AB, of each segment [s].
-        feedback_gain: k_P of Eq. (37) [1/s].
-        tolerance: Error at which a point counts as reached [m].
-        orientation_tolerance: The same for its orientation [rad].
-        switching: When the next segment begins.
         nodes: Parameters of the nodes in a demo, by the node: what the tip touches, how it yields.
         events: Changes of these during the motion.
     """
 
     robot: str
-    start: np.ndarray
-    waypoints: np.ndarray
+    start: JointPositions
+    waypoints: Points
     orientations: np.ndarray | None = None
     segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
     feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
@@ -91,13 +80,9 @@ class WaypointTask:
                 f'start of a task of {self.robot} has {len(self.start)} joints; expected {n}'
             )
 
-    def path_deviation(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
-        """Distances of positions from the straight lines of their segments, (N,) [m].
-
-        Args:
-            x: (N, 3) [m].
-            segment: (N,) number of each one's segment. Segment 0 leads to x_0 from anywhere, so it
-                has no line: its distances are 0.
+    def path_deviation(self, x: Points, segment: np.ndarray) -> np.ndarray:
+        """Distances of positions from the straight lines of their segments, (N,) [m]. Segment
+        0 leads to x_0 from anywhere, so it has no line: its distances are 0.
         """
         ends = np.maximum(segment.astype(int), 1)
         start = self.waypoints[ends - 1]
@@ -126,14 +111,8 @@ def load_task(name_or_path: str) -> WaypointTask:
 
 
 def task_for(arm: Arm, name: str) -> WaypointTask:
-    """The default task of an arm: its own, or a small square in front of its tip.
-
-    Args:
-        arm: An arm from the table, or from a URDF.
-        name: The arm's name or path, for the task.
-
-    Raises:
-        FileError: The arm has no start, or can go round no square from there.
+    """The default task of an arm of that name: its own, or a small square in front of its tip.
+    Raises FileError if the arm has no start, or can go round no square from there.
     """
     if arm.task:
         return load_task(arm.task)
@@ -148,65 +127,124 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
     return WaypointTask(name, start, square.waypoints, segment_time=square.segment_time)
 
 
+class _UnexpectedError(Exception):
+    """A value of a task file that is not what its text says."""
+
+
 def _to_task(content: Any, path: Path) -> WaypointTask:
-    required = ('robot', 'start', 'waypoints')
-    numbers = ('segment_time', 'feedback_gain', 'tolerance', 'orientation_tolerance')
-    optional = (*_FORMS, *numbers, 'switching', 'nodes', 'events')
-    if not isinstance(content, dict) or not all(key in content for key in required):
+    if not isinstance(content, dict) or not all(key in content for key in _REQUIRED):
         raise FileError(
-            f'{path} is not a task; expected the keys {", ".join(required)} '
-            f'and, optionally, {", ".join(optional)}'
+            f'{path} is not a task; expected the keys {", ".join(_REQUIRED)} '
+            f'and, optionally, {", ".join(_OPTIONAL)}'
         )
-    for key in content:
-        if key not in required + optional:
-            raise UnknownNameError(f'key in {path}', str(key), required + optional)
-    given: dict[str, Any] = {
-        key: _number(content[key], key, path) for key in numbers if key in content
-    }
-    if 'switching' in content:
-        given['switching'] = content['switching']
-    waypoints = _numbers(content['waypoints'], 'waypoints', 2, _FARTHEST, path)
-    if waypoints.shape[1] != 3 or len(waypoints) < 2:
-        raise FileError(
-            f'{path}: waypoints has shape {waypoints.shape}; '
-            'expected at least two points of three coordinates'
-        )
-    given['orientations'] = _orientations(content, len(waypoints), path)
-    given['nodes'] = _nodes(content.get('nodes', {}), path)
-    given['events'] = _events(content.get('events', []), path)
-    start = _start(content['start'], path)
-    return WaypointTask(_name(content['robot'], 'robot', path), start, waypoints, **given)
+    if 'quaternions' in content and 'rpy' in content:
+        raise FileError(f'{path} has quaternions and rpy; expected one of them')
+    given: dict[str, Any] = {}
+    for key, value in content.items():
+        if key not in _READERS:
+            raise UnknownNameError(f'key in {path}', str(key), _READERS)
+        try:
+            given[key] = _READERS[key](value)
+        except _UnexpectedError as error:
+            raise FileError(f'{path}: {key} is {quoted(value)}; expected {error}') from None
+    turns = given.pop('quaternions', given.pop('rpy', None))
+    if turns is not None:
+        count = len(given['waypoints'])
+        if len(turns) not in (1, count):
+            raise FileError(
+                f'{path}: {len(turns)} orientations; expected one row, or one for each of the '
+                f'{count} points'
+            )
+        given['orientations'] = np.broadcast_to(turns, (count, 3, 3)).copy()
+    return WaypointTask(**given)
 
 
-def _nodes(value: Any, path: Path) -> dict[str, dict[str, Any]]:
+def _read_name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise _UnexpectedError('a name')
+    return value
+
+
+def _read_number(value: Any) -> float:
+    try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
+        if not isinstance(value, bool):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise _UnexpectedError('a number')
+
+
+def _read_numbers(value: Any, dimensions: int, largest: float) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(())
+    if array.ndim != dimensions or not (np.abs(array) <= largest).all():
+        shape = 'a list' if dimensions == 1 else 'rows'
+        raise _UnexpectedError(f'{shape} of finite numbers, none beyond {largest:g}')
+    return array
+
+
+def _read_start(value: Any) -> JointPositions:
+    """Angles are given in degrees, positions of linear joints as '0.3 m'."""
+    members = list(value) if isinstance(value, list) else []
+    is_linear = np.array([str(member).endswith(_METRES) for member in members], dtype=bool)
+    for place in np.flatnonzero(is_linear):
+        members[place] = str(members[place]).removesuffix(_METRES)
+    numbers = _read_numbers(members or value, 1, _MOST_DEGREES)
+    return np.where(is_linear, numbers, np.radians(numbers))
+
+
+def _read_waypoints(value: Any) -> Points:
+    points = _read_numbers(value, 2, _FARTHEST)
+    if points.shape[1] != 3 or len(points) < 2:
+        raise _UnexpectedError('at least two points of three coordinates')
+    return points
+
+
+def _read_quaternions(value: Any) -> np.ndarray:
+    rows = _read_numbers(value, 2, 1e3)
+    if rows.shape[1] != 4 or (np.linalg.norm(rows, axis=1) < 1e-6).any():
+        raise _UnexpectedError('rows of 4 numbers x, y, z, w, not all of them zero')
+    return np.array([from_quaternion(row) for row in rows])
+
+
+def _read_angles(value: Any) -> np.ndarray:
+    """Roll, pitch and yaw in degrees."""
+    rows = _read_numbers(value, 2, _MOST_DEGREES)
+    if rows.shape[1] != 3:
+        raise _UnexpectedError('rows of 3 numbers')
+    return np.array([from_roll_pitch_yaw(np.radians(row)) for row in rows])
+
+
+def _read_nodes(value: Any) -> dict[str, dict[str, Any]]:
     """Parameters by node. What they are, the nodes judge themselves."""
     mappings = list(value.values()) if isinstance(value, dict) else [value]
     if not all(isinstance(mapping, dict) for mapping in mappings):
-        raise _unexpected('nodes', value, 'parameters below the names of nodes', path)
-    return {_node(name, path): _parameters(own) for name, own in value.items()}
+        raise _UnexpectedError('parameters below the names of nodes')
+    return {_read_node(name): _read_parameters(own) for name, own in value.items()}
 
 
-def _events(value: Any, path: Path) -> tuple[TaskEvent, ...]:
+def _read_events(value: Any) -> tuple[TaskEvent, ...]:
     if not isinstance(value, list):
-        raise _unexpected('events', value, 'a list', path)
-    return tuple(_event(event, path) for event in value)
+        raise _UnexpectedError('a list')
+    return tuple(_read_event(event) for event in value)
 
 
-def _event(value: Any, path: Path) -> TaskEvent:
+def _read_event(value: Any) -> TaskEvent:
     if not (isinstance(value, dict) and {'at', 'node'} < value.keys()):
-        raise _unexpected('an event', value, 'at [s], node, and parameters', path)
+        raise _UnexpectedError('events with at [s], node, and parameters')
     own = {key: value[key] for key in value if key not in ('at', 'node')}
-    at = _number(value['at'], 'at', path)
-    return TaskEvent(at, _node(value['node'], path), _parameters(own))
+    return TaskEvent(_read_number(value['at']), _read_node(value['node']), _read_parameters(own))
 
 
-def _node(name: Any, path: Path) -> str:
+def _read_node(name: Any) -> str:
     if name not in NODES:
-        raise FileError(f'{path}: {quoted(name)} is not a node; allowed: {", ".join(NODES)}')
+        raise _UnexpectedError(f'a node among {", ".join(NODES)}, not {quoted(name)}')
     return str(name)
 
 
-def _parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
+def _read_parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
     """Values by name, arrays as tuples."""
     return {
         str(name): tuple(value) if isinstance(value, list) else value
@@ -214,73 +252,19 @@ def _parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
     }
 
 
-def _start(value: Any, path: Path) -> np.ndarray:
-    """Joint positions (n,), angles given in degrees, and those of linear joints as '0.3 m'."""
-    members = list(value) if isinstance(value, list) else []
-    is_linear = np.array([str(member).endswith(_METRES) for member in members], dtype=bool)
-    for place in np.flatnonzero(is_linear):
-        members[place] = str(members[place]).removesuffix(_METRES)
-    numbers = _numbers(members or value, 'start', 1, _MOST_DEGREES, path)
-    return np.where(is_linear, numbers, np.radians(numbers))
-
-
-def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray | None:
-    """Rotations (count, 3, 3); one in the file stands for all points. None if it has none."""
-    if 'quaternions' in content and 'rpy' in content:
-        raise FileError(f'{path} has quaternions and rpy; expected one of them')
-    key = next((key for key in _FORMS if key in content), None)
-    if key is None:
-        return None
-    size, largest, convert = _FORMS[key]
-    rows = _numbers(content[key], key, 2, largest, path)
-    if rows.shape not in ((1, size), (count, size)):
-        raise FileError(
-            f'{path}: {key} has shape {rows.shape}; expected one row of {size} numbers, '
-            f'or one for each of the {count} points'
-        )
-    if key == 'quaternions' and (np.linalg.norm(rows, axis=1) < 1e-6).any():
-        raise FileError(f'{path}: quaternions holds a zero; expected x, y, z, w')
-    turns = np.array([convert(row) for row in rows])
-    return np.broadcast_to(turns, (count, 3, 3)).copy()
-
-
-def _from_degrees(rpy: np.ndarray) -> np.ndarray:
-    return from_roll_pitch_yaw(np.radians(rpy))
-
-
-# Forms of an orientation in a file: size, largest number, and what makes a rotation (3, 3) of it
-_FORMS: dict[str, tuple[int, float, Callable[[np.ndarray], np.ndarray]]] = {
-    'quaternions': (4, 1e3, from_quaternion),
-    'rpy': (3, _MOST_DEGREES, _from_degrees),  # [deg]
+_REQUIRED = ('robot', 'start', 'waypoints')
+_READERS: dict[str, Callable[[Any], Any]] = {
+    'robot': _read_name,
+    'start': _read_start,
+    'waypoints': _read_waypoints,
+    'quaternions': _read_quaternions,
+    'rpy': _read_angles,
+    'segment_time': _read_number,
+    'feedback_gain': _read_number,
+    'tolerance': _read_number,
+    'orientation_tolerance': _read_number,
+    'switching': _read_name,
+    'nodes': _read_nodes,
+    'events': _read_events,
 }
-
-
-def _name(value: Any, key: str, path: Path) -> str:
-    if not isinstance(value, str):
-        raise _unexpected(key, value, 'a name', path)
-    return value
-
-
-def _number(value: Any, key: str, path: Path) -> float:
-    try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
-        if not isinstance(value, bool):
-            return float(value)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise _unexpected(key, value, 'a number', path)
-
-
-def _numbers(value: Any, key: str, dimensions: int, largest: float, path: Path) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(())
-    if array.ndim != dimensions or not (np.abs(array) <= largest).all():
-        shape = 'a list' if dimensions == 1 else 'rows'
-        expected = f'{shape} of finite numbers, none beyond {largest:g}'
-        raise _unexpected(key, value, expected, path)
-    return array
-
-
-def _unexpected(key: str, value: Any, expected: str, path: Path) -> FileError:
-    return FileError(f'{path}: {key} is {quoted(value)}; expected {expected}')
+_OPTIONAL = tuple(key for key in _READERS if key not in _REQUIRED)

@@ -1,0 +1,273 @@
+"""The motion that the options describe: the task, the arm, and what the controller is to do."""
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from redres_ros.cli.options import read_settings
+from redres_ros.cli.parser import NONE, OptionError
+from redres_ros.controller import Controller
+from redres_ros.errors import UnknownNameError
+from redres_ros.laws import LAWS, Law
+from redres_ros.parameter import Gain, Table, check_once
+from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
+from redres_ros.preferences import PREFERENCES
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import ARMS, Arm, choose_arm
+from redres_ros.simulation.batch import Case, make_controller
+from redres_ros.simulation.random_tasks import contrasting_task
+from redres_ros.tasks import TASKS
+
+_NEAR = 0.01  # [m] that the tip at the start may be away from the first point
+_SEARCHED = 'a triangle searched for'
+
+
+class NamedMotion(NamedTuple):
+    """A task with its arm, and a case.
+
+    Attributes:
+        name: The task as the command line or the table of arms names it; empty: a square.
+        case: All that the controller takes, by names and gains.
+    """
+
+    name: str
+    task: WaypointTask
+    model: RobotModel
+    case: Case
+
+    @property
+    def is_pose(self) -> bool:
+        """Whether the points have orientations."""
+        return self.task.orientations is not None
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether it is a path that was searched for, as one on which laws differ."""
+        return self.name == _SEARCHED
+
+    @property
+    def law(self) -> Law:
+        """The law of the case."""
+        return LAWS.resolve(self.case.law, self.case.gains)
+
+    @property
+    def title(self) -> str:
+        """Task and arm in words."""
+        arm = self.model.arm
+        task = self.name or 'a square before the tip'
+        dynamics = f'{arm.dynamics} dynamics'
+        if self.task.robot not in ARMS and arm.dynamics == 'identified':
+            dynamics = 'dynamics of the URDF'
+        return f'{task}, {self.task.robot}, {dynamics}'
+
+    def controller(self, switch_time: float = 0.0) -> Controller:
+        """The controller of the case. Raises RedresError for a value that is not allowed."""
+        return make_controller(self.case, self.model, pose=self.is_pose, switch_time=switch_time)
+
+
+def find_motion(
+    options: argparse.Namespace, laws: Iterable[str], default: str = 'rectangle'
+) -> NamedMotion:
+    """The motion under the first of some laws; the others are in use, too.
+
+    Args:
+        options: The command line.
+        laws: Names of laws.
+        default: The task if neither a task nor a robot is named.
+
+    Raises:
+        RedresError: A name that is in no table, a file that cannot be used, a task and a robot that
+            do not go together, a gain of what is not in use.
+    """
+    if options.robot and not options.task:
+        arm = _find_arm(options, options.robot)
+        name = arm.task
+        task = task_for(arm, options.robot)
+    else:
+        name = options.task or default
+        task = load_task(name)
+        arm = _find_arm(options, options.robot or task.robot)
+    model = RobotModel(arm)
+    if options.robot:
+        task = replace(task, robot=options.robot)
+    if options.robot or options.tip:
+        _check_start(task, model)
+    return NamedMotion(name, task, model, find_case(options, laws))
+
+
+def find_contrast(options: argparse.Namespace, laws: Iterable[str]) -> NamedMotion:
+    """As find_motion(), but an arm without a task of its own gets a path on which laws differ.
+
+    A planner node does not: such a path is none to begin with on a robot.
+    """
+    motion = find_motion(options, laws)
+    if motion.name:
+        return motion
+    print('searching for a path on which laws differ', file=sys.stderr)
+    task = contrasting_task(motion.model, motion.task.robot)
+    return motion if task is None else motion._replace(name=_SEARCHED, task=task)
+
+
+def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
+    """The case under the first of some laws; errors as of find_motion()."""
+    law, *others = laws
+    limits: tuple[str, ...] = ()
+    if options.limits != NONE:
+        limits = tuple(name.strip() for name in options.limits.split(','))
+    preferences = [text.partition('=') for text in options.prefer or ()]
+    case = Case(
+        options.robot or 'lwr4_paper',
+        law,
+        options.period,
+        limits=limits,
+        limit_scale=options.limit_scale,
+        torque_scale=options.torque_scale,
+        scaling=options.scaling,
+        preferences=tuple(name for name, _, _ in preferences),
+        secondary_tasks=tuple(options.secondary or ()),
+        gains=read_settings(options.set or ()),
+        tip_frame=options.tip or '',
+        elbow_frame=options.elbow or '',
+        dynamics=options.dynamics,
+        plugins=tuple(options.plugin or ()),
+    )
+    _check_scales(case)
+    gains = _checked_gains(case, (law, *others))
+    for name, equals, text in preferences:
+        if equals:
+            gains[f'{name.partition("@")[0]}.gain'] = _read_gain(name, text)
+    if options.damping is not None:
+        gains['damping'] = options.damping
+    return replace(case, gains=gains)
+
+
+def node_parameters(motion: NamedMotion) -> dict[str, Any]:
+    """Parameters of the nodes beside the law, its damping, the robot and its dynamics.
+
+    Raises:
+        OptionError: A target that is open by default: ROS has no parameters for such ones.
+    """
+    case = motion.case
+    gains = {name: value for name, value in case.gains.items() if name != 'damping'}
+    for gain in (*PREFERENCES.gains(), *TASKS.gains()):
+        if gain.key in gains and gain.default == ():
+            raise OptionError(f'--set {gain.key} is not for nodes, which take the start for it')
+    lists = {
+        'limits': case.limits,
+        'preferences': case.preferences,
+        'secondary_tasks': case.secondary_tasks,
+        'plugins': tuple(map(os.path.abspath, case.plugins)),
+    }
+    parameters = {name: given or (NONE,) for name, given in lists.items()}  # ROS: none is no value
+    return {
+        **parameters,
+        **gains,
+        **({'tip_frame': case.tip_frame} if case.tip_frame else {}),
+        'limit_scale': case.limit_scale,
+        'torque_scale': case.torque_scale,
+        'scaling': case.scaling,
+        'task_space': 'pose' if motion.is_pose else 'position',
+    }
+
+
+def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
+    """The gains of a case as their owners take them; one without an owner is refused."""
+    in_use: dict[Any, Iterable[str]] = {
+        'law': laws,
+        'preference': case.preferences,
+        'task': case.secondary_tasks,
+        'limit': case.limits,
+    }
+    used = {(kind, name.partition('@')[0]) for kind, names in in_use.items() for name in names}
+    gains = {}
+    for key, value in case.gains.items():
+        owners = _owners(key)
+        if not any((gain.kind, gain.owner) in used for gain in owners):
+            names = ', '.join(sorted(' '.join(each) for each in used))
+            owner = owners[0]
+            raise OptionError(
+                f'--set {key} acts on the {owner.kind} {owner.owner}; in use: {names}'
+            )
+        gains[key] = _converted(key, value, owners[0].default)
+    return gains
+
+
+def _owners(key: str) -> list[Gain]:
+    """The gains of that name. Raises UnknownNameError."""
+    tables: list[Table[Any]] = [LAWS, PREFERENCES, TASKS]
+    found = [gain for table in tables for gain in table.gains() if gain.key == key]
+    if found:
+        return found
+    from redres_ros.limits import LIMITS  # compiled: loaded only if in use
+
+    found = [gain for gain in LIMITS.gains() if gain.key == key]
+    if not found:
+        keys = {name for table in (*tables, LIMITS) for name in table.gain_keys}
+        raise UnknownNameError('gain', key, keys)
+    return found
+
+
+def _converted(key: str, value: Any, default: Any) -> Any:
+    """A value in the type of a gain's default; what is of another type is left to its check."""
+    if isinstance(default, tuple) and isinstance(value, list):
+        return tuple(_converted(key, member, 0.0) for member in value)
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if is_whole and isinstance(default, float) else value
+
+
+def _read_gain(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
+        ) from None
+
+
+def _check_scales(case: Case) -> None:
+    """Refuse a scale of limits that are not in use."""
+    scaled_by = set()
+    if case.limits:
+        from redres_ros.limits import LIMITS
+
+        check_once('limit', case.limits)
+        for name in case.limits:
+            if name not in LIMITS:
+                raise UnknownNameError('limit', name, [*LIMITS, NONE])
+            scaled_by.add(LIMITS[name].scaled_by)
+    used = ', '.join(case.limits) or NONE
+    for name, of in (('limit_scale', 'limits'), ('torque_scale', 'the limit torque')):
+        scale = getattr(case, name)
+        if scale != 1.0 and name not in scaled_by:
+            option = name.replace('_', '-')
+            raise OptionError(f'--{option} {scale:g} acts on {of}; in use: {used}, see --limits')
+    if case.scaling == 'components' and not case.limits:
+        raise OptionError(f'--scaling components acts on limits; in use: {NONE}')
+
+
+def _find_arm(options: argparse.Namespace, robot: str) -> Arm:
+    """An arm with the tip, the elbow and the dynamics of the options. Raises RedresError."""
+    arm = choose_arm(robot, options.tip or '', options.elbow or '')
+    return replace(arm, dynamics=options.dynamics)
+
+
+def _check_start(task: WaypointTask, model: RobotModel) -> None:
+    """Refuse a task that was written for another arm, tip or base."""
+    if len(task.start) != model.n:
+        raise OptionError(
+            f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
+            'name a task of that robot with --task'
+        )
+    x, _ = model.tip(task.start)
+    away = float(np.linalg.norm(x - task.waypoints[0]))
+    if not away < _NEAR:
+        raise OptionError(
+            f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
+            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; '
+            'name a task of that robot with --task'
+        )
