@@ -24,7 +24,7 @@ import numpy as np
 from redres_ros.kernels.active_set import hierarchical_qp
 from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
-from redres_ros.types import FLOAT64
+from redres_ros.types import FLOAT64, JointVelocities
 
 # Rows that are given to the search at once, and those that are then added, or this part of all that
 # are exceeded: its time grows with the square of their number
@@ -35,6 +35,7 @@ _SHORTEST = 1e-12  # of a row whose excess is measured by its length
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
 _StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+# The first seven arguments of hierarchical_qp()
 _Problem = tuple[np.ndarray, np.ndarray, bool, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -42,7 +43,7 @@ _Problem = tuple[np.ndarray, np.ndarray, bool, np.ndarray, np.ndarray, np.ndarra
 class Constrained:
     """A joint velocity that keeps the box, and the violations of the lower levels."""
 
-    dq: np.ndarray  # (n,) [rad/s]
+    dq: JointVelocities
     s: float = 1.0  # task scaling: the fraction of the first task's velocity that is executed
     error: float = 0.0  # |J dq - s dx| of the first task; more than rounding if no s is feasible
     excess: float = 0.0  # of the rows, the root of the sum of squares
@@ -53,28 +54,25 @@ class Constrained:
 
 
 def solve_constrained(
-    dq_free: np.ndarray,
+    dq_free: JointVelocities,
     W: Weight,
     tasks: Sequence[Level],
     box: Box,
     rows: Sequence[Rows] = (),
     active_set: np.ndarray | None = None,
 ) -> Constrained:
-    """The optimum under limits.
+    """The optimum under limits: always finite and in the box, and nearest to standing still if the
+    input is not finite.
 
     Args:
-        dq_free: (n,) [rad/s] the optimum without limits.
-        W: (n, n) the law's weight, or its Factor; None for the identity.
-        tasks: (J, dx) of each task, in order of priority; beside a singularity without the
-            directions that dq_free does not execute.
-        box: (lower, upper), both (n,) [rad/s], with lower <= upper.
-        rows: (C, low, high) of each group of other limits, in order of priority.
+        dq_free: The optimum without limits.
+        W: Weight of the law.
+        tasks: In order of priority; beside a singularity without the directions that dq_free does
+            not execute.
+        box: With lower <= upper.
+        rows: Each group of other limits, in order of priority.
         active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
-
-    Returns:
-        The velocity, always finite and in the box, and the violations. Where the input is not
-        finite it is the one nearest to standing still.
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
@@ -94,14 +92,8 @@ def solve_constrained(
 
 
 def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndarray) -> Constrained:
-    """The optimum under many rows, found with those alone that it would exceed.
-
-    Rows that the optimum keeps anyway do not change it.
-
-    Args:
-        problem: The first seven arguments of hierarchical_qp().
-        rows: As from _stacked_rows().
-        active_set: (n + 1,) as of solve_constrained().
+    """The optimum under many rows, found with those alone that it would exceed: rows that it keeps
+    anyway do not change it.
     """
     dq_free, *_, box = problem
     C, low, high, groups = rows

@@ -101,16 +101,6 @@ def test_no_exact_direction_would_execute_more_of_every_component():
     assert more > MANY / 2
 
 
-@WEIGHTS
-def test_directions_are_kept_and_the_box_is(power):
-    for seed in range(MANY):
-        problem = Problem(seed, power)
-        dq = problem.solved().dq
-        lower, upper = problem.box
-        assert (lower <= dq).all() and (dq <= upper).all(), seed
-        assert (problem.cones(dq) <= np.tan(DIRECTION_TOLERANCE) + 1e-6).all(), seed
-
-
 def pyramids(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Rows C dq <= 0 that keep the directions, and the rows across them, by other means."""
     rows = []
@@ -160,11 +150,15 @@ def test_no_other_velocity_within_the_cones_goes_further_along(held):
             assert -found.fun <= gradient @ solved.dq + 1e-6 * asked, seed
 
 
+@WEIGHTS
 @pytest.mark.parametrize('held', [None, 1])
-def test_what_goes_across_is_the_least(held):
-    for seed in range(MANY):
-        problem = Problem(seed, None, held)
+def test_the_box_and_the_directions_are_kept_and_what_goes_across_is_the_least(held, power):
+    for seed in range(MANY // 2):
+        problem = Problem(seed, power, held)
         dq = problem.solved().dq
+        lower, upper = problem.box
+        assert (lower <= dq).all() and (dq <= upper).all(), seed
+        assert (problem.cones(dq) <= np.tan(DIRECTION_TOLERANCE) + 1e-6).all(), seed
         C, across = pyramids(problem)
         wanted = np.zeros(len(across))
         if held is not None:
@@ -203,28 +197,6 @@ def test_what_can_be_executed_as_a_whole_is():
         if expected.s == 1.0:
             assert (solved.dq == expected.dq).all()
             assert solved.component_scaling == (1.0, 1.0)
-
-
-def test_an_arm_at_its_limits_goes_on_where_a_whole_velocity_stops_it():
-    """Pure translation of the FR3 back and down, which would turn joint 6 beyond its end."""
-    distances = {}
-    for scaling in ('task', 'components'):
-        model = RobotModel.named('fr3')
-        controller = Controller(
-            model, 'minimum_acceleration', T, task='pose', limits=BOX, scaling=scaling
-        )
-        q = np.array(model.arm.start)
-        begin, _ = model.tip(q)
-        d = np.array((-0.88, -0.08, -0.47, 0.0, 0.0, 0.0))
-        for _ in range(1500):
-            command = controller.update(q, 0.3 * d)
-            assert (
-                np.abs(command.ddq) <= np.array(model.arm.acceleration_limit) * (1 + EXACT)
-            ).all()
-            assert (command.q_ref <= model.q_max).all() and (command.q_ref >= model.q_min).all()
-            q = command.q_ref
-        distances[scaling] = (model.tip(q)[0] - begin) @ d[:3]
-    assert distances['components'] > 2.0 * distances['task'], distances
 
 
 def test_an_operator_at_his_position_can_turn_the_tip_where_both_lock_each_other():
@@ -267,19 +239,6 @@ def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(task, q
     for _ in range(500):
         q = controller.update(q, np.array(dx)).q_ref
     assert (model.tip(q)[0] - begin) @ v > 0.01 * np.linalg.norm(v)
-
-
-def test_until_limits_act_scaling_by_components_is_the_closed_form(model, task):
-    commands = []
-    for scaling in ('task', 'components'):
-        controller = Controller(model, 'minimum_acceleration', T, limits=BOX, scaling=scaling)
-        q = task.start
-        for _ in range(50):
-            command = controller.update(q, np.array((0.0, -0.02, 0.0)))
-            q = command.q_ref
-        commands.append(command)
-    assert commands[0].s == 1.0
-    assert (commands[0].dq == commands[1].dq).all()
 
 
 def test_an_unknown_scaling_is_refused(model):

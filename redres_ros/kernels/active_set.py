@@ -6,6 +6,9 @@ multipliers prove tight in every optimum. The method is a primal active-set meth
 Wright, Numerical Optimization, 2006, Algorithm 16.3): z keeps every limit after every step.
 
 The state of a search is in arrays of fixed size, which the functions change in place.
+
+DAQP, a dual solver with the same levels, softens each one by a slack weight and a tolerance, which
+leaves limits and tasks with errors near 1e-6; 1e-10 is asked here.
 """
 
 from typing import NamedTuple
@@ -15,10 +18,10 @@ from numba import boolean, float64, int64
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
 
-# The rows of Search.figures: of a limit, and what a row of a level is to come to.
+# The rows of Search.values: of a limit, and what a row of a level is to become.
 _LOWER = 0
 _UPPER = 1
-_WANTED = 2
+_DESIRED = 2
 _LENGTH = 3  # of a limit's row, before it became a unit vector
 _LEAST = 4  # a row depends on the basis if less of it is orthogonal to that
 
@@ -37,17 +40,21 @@ _HELD = 1  # of one whose end z may not leave for now,
 _FIXED = 2  # or for good, as a row of a finished level,
 _LATER = 3  # and of a row that a later level brings in
 
-ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
+_ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 
-_MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
-_DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
+_MUCH = (
+    0.5  # a row that keeps this fraction of its square is orthogonal to the others after one pass
+)
+_DEPENDENT = (
+    1e-13  # a row is dependent if less than this fraction of it is orthogonal to the others
+)
 
-_RANK = 1e-11  # a row of a level is dependent below this share of the longest one
+_RANK = 1e-11  # a row of a level is dependent below this fraction of the longest one
 
 _MAX_STEPS = 200  # of one level; ten are many
 _BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
-_WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradient's terms on
-_TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
+_WRONG = 1e-14  # a force of the wrong sign counts from this fraction of the gradient's terms on
+_TIGHT = 1e-10  # one of the right sign proves its limit tight from this fraction on
 
 # The last element of what a search leaves behind for the next one.
 _UNKNOWN = 0  # nothing: there was none
@@ -65,7 +72,7 @@ class _Search(NamedTuple):
     p: np.ndarray  # (d,) its next step
     largest: np.ndarray  # (d,) that |z| has been; its rounding stays when z comes to zero
     rows: np.ndarray  # (K, d) of limits, of unit length; of tasks; of slack variables or the law
-    figures: np.ndarray  # (5, K), lower <= rows z <= upper for limits, what levels want of rows z
+    values: np.ndarray  # (5, K), lower <= rows z <= upper for limits, what levels want of rows z
     Q: np.ndarray  # (d, d) orthonormal rows; behind the basis there are those of the level
     R: np.ndarray  # (d, d) lower triangular: row k of the basis is sum_j R[k, j] Q[j]
     marks: np.ndarray  # (4, K + 3) of int64
@@ -73,7 +80,7 @@ class _Search(NamedTuple):
 
 
 @inlined
-def dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
+def _dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
     """The first d elements of row i of A (m, d) times those of x (d,)."""
     total = 0.0
     for j in range(d):
@@ -82,8 +89,8 @@ def dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
 
 
 @inlined
-def dot_rows(A: np.ndarray, i: int, B: np.ndarray, k: int, d: int) -> float:
-    """As `dot` with row k of B (r, d): a view of the row would take longer than the product."""
+def _dot_rows(A: np.ndarray, i: int, B: np.ndarray, k: int, d: int) -> float:
+    """As `_dot` with row k of B (r, d): a view of the row would take longer than the product."""
     total = 0.0
     for j in range(d):
         total += A[i, j] * B[k, j]
@@ -94,33 +101,26 @@ def dot_rows(A: np.ndarray, i: int, B: np.ndarray, k: int, d: int) -> float:
 
 
 @part
-def append(Q: np.ndarray, R: np.ndarray, k: int, rows: np.ndarray, i: int, d: int) -> float:
-    """Row k of Q becomes row i of others, made orthogonal to the rows before and a unit vector.
+def _append(Q: np.ndarray, R: np.ndarray, k: int, rows: np.ndarray, i: int, d: int) -> float:
+    """Row k of Q (m, d) becomes row i of others, made orthogonal to the rows before and a unit
+    vector; the length of what is orthogonal to those.
 
-    Args:
-        Q: (m, d) or wider.
-        R: (m, m); its row k becomes what the row is in terms of Q, as far as its diagonal.
-        k: Number of the row.
-        rows: (K, d) or wider.
-        i: Number of the one to append.
-        d: Number of the elements that count.
-
-    Returns:
-        The length of what is orthogonal to the rows before.
+    Row k of R (m, m) becomes what the row is in terms of Q, as far as its diagonal; d is the number
+    of the elements that count.
     """
     for c in range(d):
         Q[k, c] = rows[i, c]
     for j in range(k):
         R[k, j] = 0.0
-    before = dot_rows(Q, k, Q, k, d)
+    before = _dot_rows(Q, k, Q, k, d)
     square = before
     for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
         for j in range(k):
-            along = dot_rows(Q, j, Q, k, d)
+            along = _dot_rows(Q, j, Q, k, d)
             R[k, j] += along
             for c in range(d):
                 Q[k, c] -= along * Q[j, c]
-        square = dot_rows(Q, k, Q, k, d)
+        square = _dot_rows(Q, k, Q, k, d)
         if square > _MUCH * before:
             break
     R[k, k] = np.sqrt(square)
@@ -142,13 +142,13 @@ def _substitute(R: np.ndarray, x: np.ndarray, m: int) -> None:
 
 
 @part
-def build_basis(search: _Search) -> None:
+def _build_basis(search: _Search) -> None:
     """The basis of the rows that are fixed, and then of the limits that are held.
 
     A held limit that those keep in its place already is set free.
     """
     rows = search.rows
-    figures = search.figures
+    values = search.values
     Q = search.Q
     R = search.R
     marks = search.marks
@@ -158,7 +158,7 @@ def build_basis(search: _Search) -> None:
         for i in range(len(rows)):
             if marks[_STATE, i] != state:
                 continue
-            if count < d and append(Q, R, count, rows, i, d) > figures[_LEAST, i]:
+            if count < d and _append(Q, R, count, rows, i, d) > values[_LEAST, i]:
                 marks[_BEHIND, count] = i
                 count += 1
             elif state == _HELD:
@@ -167,7 +167,7 @@ def build_basis(search: _Search) -> None:
 
 
 @inlined
-def hold(search: _Search, i: int, towards: float) -> None:
+def _hold(search: _Search, i: int, towards: float) -> None:
     """Keep limit i at its upper end if towards > 0, else at its lower one.
 
     It stays free where the basis keeps it in its place already.
@@ -178,7 +178,7 @@ def hold(search: _Search, i: int, towards: float) -> None:
     marks = search.marks
     d = marks[_COUNT, _VARIABLES]
     k = marks[_COUNT, _BASIS]
-    if k < d and append(Q, R, k, rows, i, d) > search.figures[_LEAST, i]:
+    if k < d and _append(Q, R, k, rows, i, d) > search.values[_LEAST, i]:
         marks[_COUNT, _BASIS] = k + 1
         marks[_BEHIND, k] = i
         marks[_STATE, i] = _HELD
@@ -189,7 +189,7 @@ def hold(search: _Search, i: int, towards: float) -> None:
 
 
 @part
-def step(search: _Search, begin: int, end: int) -> None:
+def _step(search: _Search, begin: int, end: int) -> None:
     """p becomes the shortest step across the basis to the least |A (z + p) - a|.
 
     A are the rows of a level. Those that do not depend on the basis are added behind it.
@@ -197,7 +197,7 @@ def step(search: _Search, begin: int, end: int) -> None:
     z = search.z
     p = search.p
     rows = search.rows
-    figures = search.figures
+    values = search.values
     Q = search.Q
     R = search.R
     marks = search.marks
@@ -206,12 +206,12 @@ def step(search: _Search, begin: int, end: int) -> None:
     m = end - begin
     square = 0.0
     for i in range(begin, end):
-        square = max(square, dot_rows(rows, i, rows, i, d))
+        square = max(square, _dot_rows(rows, i, rows, i, d))
     rank = 0
     for i in range(begin, end):
         k = count + rank
-        figures[_LEAST, i] = _RANK * np.sqrt(square)
-        if k < d and append(Q, R, k, rows, i, d) > figures[_LEAST, i]:
+        values[_LEAST, i] = _RANK * np.sqrt(square)
+        if k < d and _append(Q, R, k, rows, i, d) > values[_LEAST, i]:
             marks[_BEHIND, k] = i
             rank += 1
     marks[_COUNT, _BEYOND] = count + rank
@@ -222,12 +222,12 @@ def step(search: _Search, begin: int, end: int) -> None:
     rest = space[2 * rank]
     t = space[2 * rank + 1]
     for i in range(m):
-        rest[i] = figures[_WANTED, begin + i] - dot(rows, begin + i, z, d)
+        rest[i] = values[_DESIRED, begin + i] - _dot(rows, begin + i, z, d)
         for k in range(rank):
-            Y[k, i] = dot_rows(rows, begin + i, Q, count + k, d)
+            Y[k, i] = _dot_rows(rows, begin + i, Q, count + k, d)
     for k in range(rank):
-        append(Y, U, k, Y, k, m)
-        t[k] = dot(Y, k, rest, m)
+        _append(Y, U, k, Y, k, m)
+        t[k] = _dot(Y, k, rest, m)
     _substitute(U, t, rank)
     for j in range(d):
         p[j] = 0.0
@@ -237,17 +237,17 @@ def step(search: _Search, begin: int, end: int) -> None:
 
 @part
 def _step_across(search: _Search, begin: int) -> None:
-    """As `step` for A = I, where p is what the basis leaves of a - dq."""
+    """As `_step` for A = I, where p is what the basis leaves of a - dq."""
     p = search.p
     Q = search.Q
     d = search.marks[_COUNT, _VARIABLES]
     before = 0.0
     for j in range(d):
-        p[j] = search.figures[_WANTED, begin + j] - search.z[j] if j < search.n else 0.0
+        p[j] = search.values[_DESIRED, begin + j] - search.z[j] if j < search.n else 0.0
         before += p[j] ** 2
     for _ in range(2):  # once more, for rounding
         for k in range(search.marks[_COUNT, _BASIS]):
-            along = dot(Q, k, p, d)
+            along = _dot(Q, k, p, d)
             for j in range(d):
                 p[j] -= along * Q[k, j]
     after = 0.0
@@ -262,52 +262,48 @@ def _step_across(search: _Search, begin: int) -> None:
 
 
 @inlined
-def minimise(
+def _minimise(
     search: _Search, begin: int, end: int, is_plain: bool, force: np.ndarray
 ) -> tuple[float, bool]:
-    """Move z to the least |A z - a| of a level within the limits, with A = I where it is plain.
+    """Move z to the least |A z - a| of a level within the limits, with A = I where it is plain; the
+    least force that proves a limit tight, and whether z got there.
 
     `force` (d,) receives the forces of the rows of the basis.
-
-    Returns:
-        The least force that proves a limit tight, and whether z got there.
     """
     marks = search.marks
     for count in range(_MAX_STEPS):
         if is_plain:
             _step_across(search, begin)
         else:
-            step(search, begin, end)
+            _step(search, begin, end)
         i, along = _advance(search)
         if marks[_STATE, i] == _FREE:
-            hold(search, i, along)
+            _hold(search, i, along)
             continue
-        largest = fill_forces(search, begin, end, force)
+        largest = _fill_forces(search, begin, end, force)
         k = _most_wrong(search, force, _WRONG * largest, count > _BY_INDEX)
         if k < 0:
             return _TIGHT * largest, True
         marks[_STATE, marks[_BEHIND, k]] = _FREE
-        build_basis(search)
+        _build_basis(search)
     marks[_COUNT, _BEYOND] = marks[_COUNT, _BASIS]
     return np.inf, False
 
 
 @part
 def _advance(search: _Search) -> tuple[int, float]:
-    """Move z along p as far as the limits allow.
-
-    Returns:
-        The limit that stops it, -1 for none; and the speed along its row.
+    """Move z along p as far as the limits allow: the limit that stops it, -1 for none; and the
+    speed along its row.
     """
     z = search.z
     p = search.p
     rows = search.rows
-    figures = search.figures
+    values = search.values
     d = search.marks[_COUNT, _VARIABLES]
     largest = 0.0
     for j in range(d):
         largest = max(largest, abs(p[j]))
-    share = 1.0
+    fraction = 1.0
     first = -1
     along = 0.0
     for i in range(len(rows)):
@@ -320,26 +316,24 @@ def _advance(search: _Search) -> tuple[int, float]:
             slope += rows[i, j] * p[j]
             value += rows[i, j] * z[j]
             noise += abs(rows[i, j] * z[j])
-        margin = figures[_UPPER, i] - value if slope > 0.0 else value - figures[_LOWER, i]
+        margin = values[_UPPER, i] - value if slope > 0.0 else value - values[_LOWER, i]
         speed = abs(slope)
-        if speed <= 10.0 * _DEPENDENT * largest or speed <= margin + ROUNDING * noise:
+        if speed <= 10.0 * _DEPENDENT * largest or speed <= margin + _ROUNDING * noise:
             continue
-        if share * speed > margin:
-            share = max(margin, 0.0) / speed
+        if fraction * speed > margin:
+            fraction = max(margin, 0.0) / speed
             first = i
             along = slope
     for j in range(d):
-        z[j] += share * p[j]
+        z[j] += fraction * p[j]
         search.largest[j] = max(search.largest[j], abs(z[j]))
     return first, along
 
 
 @part
-def fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> float:
-    """How hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the least.
-
-    Returns:
-        The largest term of the gradient, beside which rounding is judged.
+def _fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> float:
+    """Write how hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the
+    least; the largest term of the gradient, beside which rounding is judged.
     """
     z = search.z
     rows = search.rows
@@ -352,7 +346,7 @@ def fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> flo
         fastest = max(fastest, search.largest[j])
     largest = 0.0
     for i in range(begin, end):
-        rest = -search.figures[_WANTED, i]
+        rest = -search.values[_DESIRED, i]
         size = abs(rest)
         for j in range(d):
             rest += rows[i, j] * z[j]
@@ -363,7 +357,7 @@ def fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> flo
             largest = max(largest, abs(rows[i, j]) * size)
     count = search.marks[_COUNT, _BASIS]
     for k in range(count):
-        force[k] = -dot(search.Q, k, g, d)
+        force[k] = -_dot(search.Q, k, g, d)
     _substitute(search.R, force, count)
     return largest
 
@@ -394,8 +388,7 @@ def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool
 def _fix_level(search: _Search, begin: int, end: int, force: np.ndarray, tight: float) -> int:
     """Fix the rows of a finished level, and the limits that are tight; others stay held.
 
-    Returns:
-        The limit with the largest force of those that are tight, but the share's; -1 for none.
+    The result is the limit with the largest force of those that are tight, but that of s; -1: none.
     """
     marks = search.marks
     hardest = -1
@@ -437,10 +430,10 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
         for j in range(slack):
             value += rows[i, j] * z[j]
             noise += abs(rows[i, j] * z[j])
-        above = value - search.figures[_UPPER, i]
-        below = search.figures[_LOWER, i] - value
+        above = value - search.values[_UPPER, i]
+        below = search.values[_LOWER, i] - value
         marks[_STATE, i] = _FREE
-        if max(above, below) > ROUNDING * noise:
+        if max(above, below) > _ROUNDING * noise:
             z[slack + r] = above if above > below else -below
             marks[_STATE, i] = _HELD
             marks[_SIDE, i] = 1 if above > below else -1
@@ -449,33 +442,29 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
         marks[_COUNT, _VARIABLES] = slack + count
         for r in range(count):
             rows[begin + r, slack + r] = -1.0
-            rows[level + r, slack + r] = search.figures[_LENGTH, begin + r]
-        build_basis(search)
+            rows[level + r, slack + r] = search.values[_LENGTH, begin + r]
+        _build_basis(search)
     return is_exceeded
 
 
 @inlined
 def _close_slack(search: _Search, begin: int, count: int) -> float:
-    """Move the ends of limits that remain in excess to where they are.
-
-    Returns:
-        The sum of squares of the excess.
-    """
+    """Move the ends of limits that remain in excess to where they are; the sum of squares of it."""
     z = search.z
     rows = search.rows
-    figures = search.figures
+    values = search.values
     slack = search.n + 1
     search.marks[_COUNT, _VARIABLES] = slack
     square = 0.0
     for r in range(count):
         i = begin + r
-        square += (search.figures[_LENGTH, i] * z[slack + r]) ** 2
+        square += (search.values[_LENGTH, i] * z[slack + r]) ** 2
         z[slack + r] = 0.0
         rows[i, slack + r] = 0.0
-        value = dot(rows, i, z, slack)
-        figures[_UPPER, i] = max(figures[_UPPER, i], value)
-        figures[_LOWER, i] = min(figures[_LOWER, i], value)
-    build_basis(search)
+        value = _dot(rows, i, z, slack)
+        values[_UPPER, i] = max(values[_UPPER, i], value)
+        values[_LOWER, i] = min(values[_LOWER, i], value)
+    _build_basis(search)
     return square
 
 
@@ -495,7 +484,7 @@ def _begin_at(
     most: int,
     held: np.ndarray,
 ) -> _Search:
-    """A search that starts at the point of the box nearest to dq_free, with a share of 1.
+    """A search that starts at the point of the box nearest to dq_free, with s = 1.
 
     It holds the limits that the last search held in the end: most often it is there after one step
     of each level. Without one, it holds those that dq_free does not keep. The start has no say in
@@ -519,15 +508,15 @@ def _begin_at(
     )
     z = search.z
     rows = search.rows
-    figures = search.figures
-    figures[_LEAST] = _DEPENDENT
+    values = search.values
+    values[_LEAST] = _DEPENDENT
     marks = search.marks
     for i in range(n):
         rows[i, i] = 1.0
         lower = box[0, i]
         upper = box[1, i]
-        figures[_LOWER, i] = lower
-        figures[_UPPER, i] = upper
+        values[_LOWER, i] = lower
+        values[_UPPER, i] = upper
         z[i] = min(max(dq_free[i], lower), upper)
         towards = dq_free[i] - z[i]
         marks[_STATE, i] = _FREE
@@ -544,8 +533,8 @@ def _begin_at(
         marks[_SIDE, i] = 1 if towards > 0.0 else -1
     z[n] = 1.0
     rows[n, n] = 1.0  # 0 <= s <= 1
-    figures[_UPPER, n] = 1.0
-    figures[_WANTED, n] = 1.0
+    values[_UPPER, n] = 1.0
+    values[_DESIRED, n] = 1.0
     marks[_STATE, n] = _FREE if held[n] == _LESS else _HELD
     marks[_SIDE, n] = 1
     for r in range(len(C)):
@@ -553,28 +542,28 @@ def _begin_at(
         square = 0.0
         for j in range(n):
             square += C[r, j] ** 2
-        figures[_LENGTH, i] = np.sqrt(square) if square > 0.0 else 1.0
+        values[_LENGTH, i] = np.sqrt(square) if square > 0.0 else 1.0
         for j in range(n):
-            rows[i, j] = C[r, j] / figures[_LENGTH, i]
-        figures[_LOWER, i] = low[r] / figures[_LENGTH, i]
-        figures[_UPPER, i] = high[r] / figures[_LENGTH, i]
+            rows[i, j] = C[r, j] / values[_LENGTH, i]
+        values[_LOWER, i] = low[r] / values[_LENGTH, i]
+        values[_UPPER, i] = high[r] / values[_LENGTH, i]
     for r in range(len(J)):  # J dq - s dx = 0 of the first task, J dq = dx of others
         for j in range(n):
             rows[limits + r, j] = J[r, j]
         if r < first:
             rows[limits + r, n] = -dx[r]
         else:
-            figures[_WANTED, limits + r] = dx[r]
+            values[_DESIRED, limits + r] = dx[r]
     for j in range(n + 1):
         search.largest[j] = abs(z[j])
     marks[_COUNT, _VARIABLES] = n + 1
-    build_basis(search)
+    _build_basis(search)
     return search
 
 
 @part
-def _leave_behind(search: _Search, held: np.ndarray) -> None:
-    """Write down which limits a search holds in the end: the side of each joint, and the share."""
+def _remember(search: _Search, held: np.ndarray) -> None:
+    """Write down which limits a search holds in the end: the side of each joint, and s."""
     for i in range(search.n):
         held[i] = 0
         if search.marks[_STATE, i] in (_HELD, _FIXED):
@@ -586,7 +575,7 @@ def _leave_behind(search: _Search, held: np.ndarray) -> None:
 
 
 @part
-def _ask_for_law(
+def _desire_law(
     W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
 ) -> None:
     """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = F of W = F'F; I for an empty W."""
@@ -629,27 +618,17 @@ def hierarchical_qp(
     held: np.ndarray,
     dq: np.ndarray,
 ) -> tuple[float, float, float, int, int, bool]:
-    """Write the joint velocity nearest to dq_free under limits and after tasks, in order of
-    priority.
+    """Write the joint velocity nearest to dq_free (n,), in the norm of W (n, n), under limits and
+    after tasks, in order of priority, into dq (n,).
 
-    Args:
-        dq_free: (n,) what the last level wants.
-        W: (n, n) its weight; (0, 0) for the identity.
-        is_factor: whether W is the factor F of a weight F'F.
-        J: (m, n) rows of all tasks.
-        dx: (m,) what they want.
-        tasks: (k,) number of rows of each task, one at least.
-        box: (2, n) limits of dq, lower and upper.
-        C: (r, n) rows of the other limits.
-        low: (r,) limits of C dq.
-        high: (r,)
-        groups: (g,) number of rows of each group that has a priority of its own.
-        held: (n + 1,) what the last search left behind, of which this one begins; zeros at first.
-            It receives what this one leaves behind.
-        dq: (n,) receives the velocity.
+    W may be the factor F of a weight F'F, and (0, 0) for the identity. J (m, n) and dx (m,) are the
+    rows of all tasks, of which each has so many of `tasks` (k,); C (r, n), low and high (r,) those
+    of the other limits, of which each of `groups` (g,) has a priority of its own; box (2, n) are
+    the limits of dq. The search starts from what the last one left in `held` (n + 1,), at first
+    zeros, and leaves there what the next one starts from.
 
     Returns:
-        The share of the first task; its error; the excess of the rows; the limit that
+        The scaling factor s of the first task; its error; the excess of the rows; the limit that
         resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
         end; and whether each level got to its least.
     """
@@ -660,8 +639,8 @@ def hierarchical_qp(
     search = _begin_at(dq_free, box, C, low, high, J, dx, tasks[0], most, held)
     z = search.z
     first_task = len(groups)
-    share = first_task + 1
-    law = share + len(tasks)
+    scaling = first_task + 1
+    law = scaling + len(tasks)
     last = n + 1 + len(C) + len(J)  # the rows of the law, or of slack variables
     force = np.zeros(len(z))
     hardest = -1
@@ -677,24 +656,22 @@ def hierarchical_qp(
             following += groups[level]
             if not _open_slack(search, limits, groups[level], begin):
                 continue
-        elif level == share:
+        elif level == scaling:
             begin = n  # s = 1
             end = n + 1
         elif level == law:
             begin = last
             end = last + n
-            _ask_for_law(
-                W, is_factor, dq_free, search.rows[begin:], search.figures[_WANTED, begin:]
-            )
+            _desire_law(W, is_factor, dq_free, search.rows[begin:], search.values[_DESIRED, begin:])
         else:
             begin = following
-            following += tasks[max(level - share, 0)]
+            following += tasks[max(level - scaling, 0)]
             end = following
-        tight, reached = minimise(search, begin, end, level == law and len(W) == 0, force)
+        tight, reached = _minimise(search, begin, end, level == law and len(W) == 0, force)
         solved = solved and reached
         if level == first_task:
             for i in range(begin, end):
-                error += dot(search.rows, i, z, n + 1) ** 2
+                error += _dot(search.rows, i, z, n + 1) ** 2
         if level < first_task:
             end = begin  # its rows go with the slack variables
         found = _fix_level(search, begin, end, force, tight)
@@ -703,10 +680,10 @@ def hierarchical_qp(
         if level < first_task:
             excess += _close_slack(search, limits, groups[level])
 
-    _leave_behind(search, held)
+    _remember(search, held)
     total = error + excess + z[n]
     for i in range(n):
-        total += search.figures[_WANTED, last + i] + z[i]
+        total += search.values[_DESIRED, last + i] + z[i]
     if not np.isfinite(total):  # as the input was
         z[:] = 0.0
         held[:] = 0
@@ -717,5 +694,5 @@ def hierarchical_qp(
     s = min(max(z[n], 0.0), 1.0)
     side = search.marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:
-        hardest -= 1  # the share is no limit to others
+        hardest -= 1  # s is no limit to others
     return s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

@@ -23,10 +23,10 @@ WEIGHT = 1  # the weight
 FACTOR = 2  # the upper triangular F of the weight F'F
 SQUARE = 3  # the symmetric positive definite M of the weight M M
 
-# Task directions whose singular value is below this share of the largest one are damped.
+# Task directions whose singular value is below this fraction of the largest one are damped.
 SINGULAR_RATIO = 1e-3
 
-# A row that keeps this share of its square, a tenth of its length, is orthogonal to the others
+# A row that keeps this fraction of its square, a tenth of its length, is orthogonal to the others
 # after one pass, but for ten roundings.
 _MUCH = 0.01
 
@@ -147,13 +147,8 @@ def _is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
     Its block of R (m, m) is lower triangular. The eigenvalues of R R' other than the smallest one
     have a mean of at most trace / (m - 1). Hence the smallest one is at least
     det / (trace / (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different
-    sizes, it is at least 1 / trace of the inverse.
-
-    Args:
-        R: Its block has the singular values of the task.
-        begin: Row and column of R in which the block begins.
-        end: The same for its end.
-        size: They are judged against this, or against the largest one if that is larger.
+    sizes, it is at least 1 / trace of the inverse. Singular values are judged against `size`, or
+    against the largest one if that is larger.
     """
     trace = 0.0
     root_of_det = 1.0
@@ -190,12 +185,6 @@ def _are_regular(R: np.ndarray, first: int, size: float) -> bool:
     of those before it. Its singular values are judged against those of the whole Jacobian, whose
     rows are as long as those of R. All lower tasks are judged as one: the smallest singular value
     of their common block is at most that of each, and what it is judged against at least as large.
-
-    Args:
-        R: (m, m) lower triangular.
-        first: Number of rows of the first task.
-        size: The singular values of the first task are judged against this, or against the largest
-            one if that is larger.
     """
     for begin in range(0, first + 1, first):  # 0 and first; numba compiles a literal 0 apart
         if begin == len(R):
@@ -219,15 +208,8 @@ def _add_weighted(
 
     With W = F'F and y = F dq it is the least y with J F^-1 y = r. The rows of J F^-1 are made
     orthonormal, J F^-1 = R Q: then y = Q' R^-1 r. That is Eq. (A.5),
-    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
-
-    Args:
-        Q: (m, n), the Jacobian; used up.
-        R: (m, m), overwritten.
-        r: (m,); used up.
-        F: (n, n) the weight as `form` says; used up.
-        form: WEIGHT, FACTOR or SQUARE.
-        dq: (n,) receives the result.
+    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition. F is the weight as `form` says;
+    Q, r and F are used up.
     """
     if form != FACTOR and not _cholesky(F):
         return False
@@ -246,7 +228,7 @@ def _add_weighted(
 
 
 @inlined
-def solution(
+def _solution(
     Q: np.ndarray,
     r: np.ndarray,
     first: int,
@@ -261,18 +243,7 @@ def solution(
 
     The task J dq = dx with J = R Q is the same as Q dq = R^-1 dx. Hence the result is also
     b + Q_W^# r with r = R^-1 dx - Q b. The rows of Q are orthonormal, so without a weight
-    Q^# = Q'.
-
-    Args:
-        Q: (m, n) the Jacobian J of all tasks; used up.
-        r: (m,) their velocities dx; used up.
-        first: Number of rows of the first task.
-        b: As for `closed_form`, and so are the others.
-        W: The weight.
-        form: What W is.
-        size: Of a singular value.
-        fastest: [rad/s]
-        dq: (n,) receives the result.
+    Q^# = Q'. Q comes as J, and r as dx; both are used up.
     """
     m, n = Q.shape
     if m > n:
@@ -322,22 +293,10 @@ def closed_form(
     """Write b + J_W^# (dx - J b), Eq. (A.13), into dq, with the J and dx of all tasks.
 
     That is also what Eq. (20) asks for wherever each task can be executed exactly in what those
-    before it leave. Rows of zeros in the first task, as of a planar arm, are left out.
-
-    Args:
-        J_first: (m, n) Jacobian of the first task.
-        dx_first: (m,) its velocity.
-        J_lower: (k, n) Jacobians of the lower tasks, one below the other; any array for none.
-        dx_lower: (k,) their velocities.
-        b: (n,) bias.
-        W: The weight as `form` says; (0, 0) for the identity.
-        form: IDENTITY, WEIGHT, FACTOR or SQUARE.
-        size: Singular values of the first task are judged against this, or against the largest one.
-        fastest: Where dq is longer than this, it is not the solution.
-        dq: (n,) receives the result.
-
-    Returns:
-        SOLVED, INCOMPLETE, SINGULAR, INDEFINITE or NOT_FINITE.
+    before it leave. Rows of zeros in the first task, as of a planar arm, are left out. The weight W
+    is (0, 0) for the identity, and else as `form` says. Singular values of the first task are
+    judged against `size`, or the largest one; a dq longer than `fastest` is not the solution. The
+    result is SOLVED, INCOMPLETE, _SINGULAR, INDEFINITE or NOT_FINITE.
     """
     n = len(b)
     Q = np.empty((len(dx_first) + len(dx_lower), n))
@@ -361,14 +320,14 @@ def closed_form(
         r[k] = dx_lower[k - first]
         for i in range(n):
             Q[k, i] = J_lower[k - first, i]
-    outcome = solution(Q[:m], r[:m], first, b, W, form, size, fastest, dq)
+    outcome = _solution(Q[:m], r[:m], first, b, W, form, size, fastest, dq)
     return INCOMPLETE if outcome == SOLVED and not complete else outcome
 
 
 @direct
 @compiled(boolean(matrix(), float64))
 def is_far(J: np.ndarray, ratio: float) -> bool:
-    """Whether each singular value of J (m, n) is above a share of the largest one.
+    """Whether each singular value of J (m, n) is above a fraction of the largest one.
 
     False also where it is a close call.
     """
@@ -394,13 +353,8 @@ def fill_factor(W: np.ndarray, F: np.ndarray) -> bool:
 
 @compiled((matrix(), int64, boolean, _ARRAY))
 def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> None:
-    """Each row x of X becomes F^-1 x, or F'^-1 x.
-
-    Args:
-        F: (n, n) upper triangular.
-        form: FACTOR, or SQUARE for F'F in the place of F.
-        transposed: Whether F' is meant.
-        X: (k, n).
+    """Each row x of X (k, n) becomes F^-1 x, or F'^-1 x, for an upper triangular F (n, n); a SQUARE
+    comes with F'F in the place of F.
     """
     U = _copied(F)
     if transposed:
@@ -412,19 +366,11 @@ def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> Non
 @direct
 @compiled((float64, vector(), float64, matrix(), vector(), float64[::1]))
 def free_motion(
-    share: float, dq: np.ndarray, T: float, M: np.ndarray, n: np.ndarray, b: np.ndarray
+    forgetting: float, dq: np.ndarray, T: float, M: np.ndarray, n: np.ndarray, b: np.ndarray
 ) -> None:
     """Write lambda dq - T M^-1 n, Eq. (27) and (32), into b; NaN for an M that is not definite.
 
     It is the velocity after one tick without any torque, Eq. (6), and with null-space damping.
-
-    Args:
-        share: lambda.
-        dq: (n,) [rad/s].
-        T: Sampling time [s].
-        M: (n, n) [kg m^2].
-        n: (n,) [Nm].
-        b: (n,) receives the result [rad/s].
     """
     U = _copied(M)
     x = np.empty((1, len(n)))
@@ -434,4 +380,4 @@ def free_motion(
     _solve_lower(U, x)
     _solve_upper(U, x)  # -M^-1 n
     for i in range(len(n)):
-        b[i] = share * dq[i] + T * x[0, i]
+        b[i] = forgetting * dq[i] + T * x[0, i]

@@ -181,7 +181,7 @@ def _distance(
 
 
 @part
-def turn(R: np.ndarray, axis: np.ndarray, angle: float) -> None:
+def _turn(R: np.ndarray, axis: np.ndarray, angle: float) -> None:
     """R (3, 3) becomes R times the rotation about a unit vector (3,) by an angle [rad]: Rodrigues'
     formula, for each row.
     """
@@ -198,7 +198,7 @@ def turn(R: np.ndarray, axis: np.ndarray, angle: float) -> None:
 
 
 @part
-def place(
+def _place(
     q: np.ndarray,
     before: np.ndarray,
     axes: np.ndarray,
@@ -236,7 +236,7 @@ def place(
             if is_prismatic[k]:
                 H[i, 3] += q[k] * lines[k, 1, i]
         if not is_prismatic[k]:
-            turn(H, axes[k], q[k])
+            _turn(H, axes[k], q[k])
     for i in range(len(ends)):
         H = frames[moved_by[i]]
         for end in range(2):
@@ -247,7 +247,7 @@ def place(
 
 
 @part
-def add_motion(
+def _add_motion(
     row: np.ndarray,
     lines: np.ndarray,
     is_prismatic: np.ndarray,
@@ -300,7 +300,7 @@ def approaches(
     frames = np.empty((n + 1, 3, 4))
     lines = np.empty((n, 2, 3))
     points = np.empty((len(ends), 2, 3))
-    place(q, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
+    _place(q, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
     at = np.empty((2, 3))
     normal = np.empty(3)
     C = np.empty((len(pairs), n))
@@ -316,9 +316,9 @@ def approaches(
         row = C[count]
         for k in range(n):
             row[k] = 0.0
-        add_motion(row, lines, is_prismatic, parents, moved_by[i], normal, at[0], 1.0)
+        _add_motion(row, lines, is_prismatic, parents, moved_by[i], normal, at[0], 1.0)
         if j >= 0:
-            add_motion(row, lines, is_prismatic, parents, moved_by[j], normal, at[1], -1.0)
+            _add_motion(row, lines, is_prismatic, parents, moved_by[j], normal, at[1], -1.0)
         square = 0.0
         for k in range(n):
             square += row[k] * row[k]
@@ -390,7 +390,7 @@ def least_on_path(
             moving = min(tick, 1.0 + np.floor(speed / (A[k] * T)))
             moved = gap * T * moving * (speed - A[k] * T * (moving - 1.0) / 2.0)
             ahead[k] = q[k] + (moved if dq[k] > 0.0 else -moved)
-        place(ahead, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
+        _place(ahead, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
         nearest = np.inf
         for pair in range(len(pairs)):
             if not path <= far[pair]:

@@ -1,8 +1,8 @@
 """A task velocity whose components, translation and rotation, have scaling factors of their own.
 
-A path must keep its direction: one factor s for all of dx (solver.py). An operator prefers an
-arm that goes on with what is possible. Where s < 1, the other factors follow, each level as well as
-the higher ones allow:
+A path must keep its direction: one factor s for all of dx (solver.py). An operator prefers an arm
+that continues with what is possible. If s < 1, the other factors follow, each level as well as the
+higher ones allow:
 
 1. J_i dq = s_i dx_i for each component i with s <= s_i <= 1: the least sum of (1 - s_i)^2;
 2. each component's direction, to DIRECTION_TOLERANCE;
@@ -11,18 +11,17 @@ the higher ones allow:
 4. the least velocity across it, and of the components that are not asked for;
 5. the other tasks, and the law.
 
-Where joints at their ends leave less than a fifth of the whole, the components lock each other.
-Then the largest one that can go on alone does, and of the other what is possible beside it. Where
-it cannot go on in its direction, it slides along what stops it, within the first of
-SLIDING_TOLERANCES that leaves something; only then it is the other's turn. This is judged without
-the limits on accelerations, and blended in. The one that the arm executes already counts LEAD times
-as much: else the two might come to rest where both are of one size, each undoing what the other
-does.
+If joints at their ends leave less than a fifth of the whole, the components lock each other. Then
+the largest one that can go on alone does, and of the other what is possible beside it. If it cannot
+go on in its direction, it slides along what stops it, within the first of the sliding tolerances
+that leaves something; only then it is the other's turn. This is judged without the limits on
+accelerations, and blended in. The one that the arm executes already counts _LEAD times as much:
+else the two might come to rest where both are of one size, each undoing what the other does.
 
 The factors a_i are variables beside dq, so that solve_constrained() does the work.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -32,25 +31,40 @@ import numpy as np
 from redres_ros.resolution import Factor, Level, Weight, as_array
 from redres_ros.singularity import locked
 from redres_ros.solver import Box, Constrained, Rows, solve_constrained
+from redres_ros.types import Jacobian, JointVelocities, Radians, TaskVelocity
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
-SLIDING_TOLERANCES = tuple(np.radians((60.0, 85.0)).tolist())  # [rad], where it leaves nothing
-LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
+_SLIDING_TOLERANCES = tuple(np.radians((60.0, 85.0)).tolist())  # [rad], if it leaves nothing
+_LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
 
 _NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
 _NOTHING = 1e-9  # of dx; a component with less is not asked for
 
 
 class _Component(NamedTuple):
-    """The rows of one component: J (k, n), dx (k,), and the length of dx; 0 if not asked for."""
+    """The rows of one component."""
 
-    J: np.ndarray
-    dx: np.ndarray
-    length: float
+    J: Jacobian
+    dx: TaskVelocity
+    length: float  # of dx; 0 if it is not asked for
+
+    def fraction(self, dq: JointVelocities) -> float:
+        """That is executed along it; 1 if it is not asked for."""
+        if not self.length:
+            return 1.0
+        return min(max(float(self.J.dot(dq).dot(self.dx)) / self.length**2, 0.0), 1.0)
+
+
+def executed_fractions(task: Level, sizes: Sequence[int], dq: JointVelocities) -> tuple[float, ...]:
+    """The fraction of each component of a task, of so many rows, that is executed; 1 if it is not
+    asked for.
+    """
+    components = _split(task, sizes, [False] * len(sizes))
+    return tuple(component.fraction(dq) for component in components)
 
 
 def solve_components(
-    dq_free: np.ndarray,
+    dq_free: JointVelocities,
     W: Weight,
     tasks: Sequence[Level],
     box: Box,
@@ -59,26 +73,18 @@ def solve_components(
     sizes: Sequence[int],
     held: Sequence[bool],
     steady_box: Box,
-    dq_prev: np.ndarray,
+    dq_prev: JointVelocities,
 ) -> Constrained:
-    """As solve_constrained(), with a scaling factor for each component of the first task.
+    """As solve_constrained(), with a scaling factor for each component of the first task, which has
+    so many rows (sizes).
 
-    Args:
-        dq_free: (n,) [rad/s] the optimum without limits.
-        W: (n, n) the law's weight, or its Factor; None for the identity.
-        tasks: (J, dx) of each task, in order of priority.
-        box: (lower, upper), both (n,) [rad/s].
-        rows: (C, low, high) of each group of other limits.
-        active_set: (n + 1,) as of solve_constrained().
-        sizes: Number of rows of each component.
-        held: Whether a component's dx is only to hold it: it then counts as not asked for, and is
-            executed with the least error in level 4.
-        steady_box: The box without the limits on accelerations.
-        dq_prev: (n,) [rad/s] the last command.
+    The dx of a component that is `held` is only to hold it: it then counts as not asked for, and is
+    executed with the least error in level 4. The steady box is that without the limits on
+    accelerations.
     """
     whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
     is_exact = whole.error <= _NOTICEABLE
-    components = list(_split(tasks[0], sizes, held))
+    components = _split(tasks[0], sizes, held)
     lengths = _lengths(components)
     is_whole = is_exact and whole.s >= 1.0
     if is_whole or not lengths.any() or not np.isfinite(whole.error):
@@ -93,11 +99,12 @@ def solve_components(
         steady = _WithFactors(dq_free, W, tasks[1:], steady_box, rows, len(sizes))
         weight = steady.locked(components)
         if weight > 0.0:
-            executing = 1.0 + (LEAD - 1.0) * _fractions(components, dq_prev)
+            fractions = np.array([component.fraction(dq_prev) for component in components])
+            executing = 1.0 + (_LEAD - 1.0) * fractions
             order = np.argsort(-executing * lengths, kind='stable')
             dq = dq + weight * (_alone(problem, steady, components, order, dq) - dq)
     solved = whole.solved and executed.solved
-    scaling = tuple(_fractions(components, dq).tolist())
+    scaling = tuple(component.fraction(dq) for component in components)
     return replace(whole, dq=dq, solved=solved, component_scaling=scaling)
 
 
@@ -106,21 +113,15 @@ def _alone(
     steady: '_WithFactors',
     components: Sequence[_Component],
     order: np.ndarray,
-    dq: np.ndarray,
-) -> np.ndarray:
-    """A velocity (n,) [rad/s] for the first component that can go on without the others.
-
-    Args:
-        problem: With all limits.
-        steady: The same without acceleration limits.
-        components: Of the task.
-        order: Their indices, the first to be tried first, (g,).
-        dq: What is returned if none can, (n,) [rad/s].
+    dq: JointVelocities,
+) -> JointVelocities:
+    """A velocity for the first component, in an order (g,), that can go on without the others; dq
+    if none can. `steady` is the problem without acceleration limits.
     """
     lengths = _lengths(components)
     left = 1.0  # the part of the mixture that the next one gets
     mixed = dq
-    for i, tolerance in product(order, (DIRECTION_TOLERANCE, *SLIDING_TOLERANCES)):
+    for i, tolerance in product(order, (DIRECTION_TOLERANCE, *_SLIDING_TOLERANCES)):
         if not lengths[i] or not left:
             continue
         # With what goes across, the tip is no faster than asked.
@@ -128,7 +129,7 @@ def _alone(
         J, dx, length = components[i]
         only = [component._replace(length=0.0) for component in components]
         only[i] = _Component(J, speed * dx, speed * length)
-        part = left * min(LEAD * lengths[i] / lengths.max(), 1.0)  # little of what is hardly asked
+        part = left * min(_LEAD * lengths[i] / lengths.max(), 1.0)  # little of what is hardly asked
         part *= 1.0 - steady.locked(only, tolerance)
         if part > 0.0:
             executed = problem.executed(only, np.zeros(len(lengths)), tolerance)
@@ -137,38 +138,12 @@ def _alone(
     return mixed
 
 
-def _lengths(components: Sequence[_Component]) -> np.ndarray:
-    """|dx_i| of each component, (g,)."""
-    return np.array([component.length for component in components])
-
-
-def executed_fractions(task: Level, sizes: Sequence[int], dq: np.ndarray) -> tuple[float, ...]:
-    """The fraction of each component of a task that is executed; 1 if it is not asked for.
-
-    Args:
-        task: J, dx.
-        sizes: Number of rows of each component.
-        dq: (n,) [rad/s].
-    """
-    return tuple(_fractions(list(_split(task, sizes, [False] * len(sizes))), dq).tolist())
-
-
-def _fractions(components: Sequence[_Component], dq: np.ndarray) -> np.ndarray:
-    """The fraction of each component that is executed, (g,); 1 if it is not asked for."""
-    return np.array(
-        [
-            min(max(float(J.dot(dq).dot(dx)) / length**2, 0.0), 1.0) if length else 1.0
-            for J, dx, length in components
-        ]
-    )
-
-
 class _WithFactors:
     """A constrained problem in z = (dq, a), with a factor a_i for each of count components."""
 
     def __init__(
         self,
-        dq_free: np.ndarray,
+        dq_free: JointVelocities,
         W: Weight,
         tasks: Sequence[Level],
         box: Box,
@@ -197,10 +172,10 @@ class _WithFactors:
         self,
         components: Sequence[_Component],
         least: np.ndarray,
-        tolerance: float = DIRECTION_TOLERANCE,
+        tolerance: Radians = DIRECTION_TOLERANCE,
     ) -> Constrained:
         """The optimum of the levels 2 to 5 with z in place of dq, for the least factors s_i (g,) of
-        level 1 and a tolerance of the directions [rad].
+        level 1 and a tolerance of the directions.
         """
         along = []
         across = []
@@ -226,12 +201,13 @@ class _WithFactors:
         return self._solve(tasks, least, cones)
 
     def locked(
-        self, components: Sequence[_Component], tolerance: float = DIRECTION_TOLERANCE
+        self, components: Sequence[_Component], tolerance: Radians = DIRECTION_TOLERANCE
     ) -> float:
         """How far the task velocity counts as locked, 0 to 1, with a tolerance as of executed()."""
         lengths = _lengths(components)
         dq = self.executed(components, np.zeros(len(lengths)), tolerance).dq[: self._n]
-        return locked(_fractions(components, dq).dot(lengths**2) / lengths.dot(lengths))
+        fractions = np.array([component.fraction(dq) for component in components])
+        return locked(fractions.dot(lengths**2) / lengths.dot(lengths))
 
     def _solve(
         self, tasks: Sequence[Level], least: np.ndarray, cones: Sequence[np.ndarray] = ()
@@ -250,16 +226,24 @@ class _WithFactors:
         return np.hstack((C, np.zeros((len(C), len(self._ones)))))
 
 
-def _split(task: Level, sizes: Sequence[int], held: Sequence[bool]) -> Iterator[_Component]:
+def _split(task: Level, sizes: Sequence[int], held: Sequence[bool]) -> list[_Component]:
     """The components of a task."""
     J, dx = task
     noise = _NOTHING * float(np.linalg.norm(dx))
+    components = []
     begin = 0
     for size, is_held in zip(sizes, held, strict=True):
         rows = slice(begin, begin + size)
         length = float(np.linalg.norm(dx[rows]))
-        yield _Component(J[rows], dx[rows], length if length > noise and not is_held else 0.0)
+        is_asked = length > noise and not is_held
+        components.append(_Component(J[rows], dx[rows], length if is_asked else 0.0))
         begin += size
+    return components
+
+
+def _lengths(components: Sequence[_Component]) -> np.ndarray:
+    """|dx_i| of each component, (g,)."""
+    return np.array([component.length for component in components])
 
 
 def _frame(direction: np.ndarray) -> np.ndarray:
@@ -268,7 +252,7 @@ def _frame(direction: np.ndarray) -> np.ndarray:
     return Q.T * np.copysign(1.0, R[0, 0])
 
 
-def _cone(frame: np.ndarray, J: np.ndarray, tolerance: float) -> np.ndarray:
+def _cone(frame: np.ndarray, J: Jacobian, tolerance: Radians) -> np.ndarray:
     """Rows C (2 (k - 1), n) with C dq <= 0 within the tolerance: a pyramid inside the cone."""
     along = frame[0] * np.tan(tolerance) / np.sqrt(max(len(frame) - 1, 1))
     return np.concatenate((frame[1:] - along, -frame[1:] - along)).dot(J)
