@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.profile import FCI, LWR_FRI1
 from redres_ros.fake_robot.robot import ReferenceInterpolator
-from redres_ros.robots import Arm, find_arm
-from redres_ros.robots.chain import CONTINUOUS_RANGE
+from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
 T = 0.002  # [s]
@@ -43,25 +42,6 @@ def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
 
 
 # --- limits ---------------------------------------------------------------------------------------
-
-
-TWO_JOINTS = """<robot name="two">
-  <joint name="second" type="prismatic"><parent link="b"/><child link="c"/>
-    <limit lower="0" upper="0.3" velocity="2" effort="1"/></joint>
-  <joint name="fixed" type="fixed"><parent link="a"/><child link="camera"/></joint>
-  <joint name="first" type="continuous"><parent link="a"/><child link="b"/>
-    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
-  <link name="camera"/><link name="c"/><link name="b"/><link name="a"/></robot>"""
-
-
-def test_limits_go_from_base_to_tip_whatever_the_order_of_the_file(tmp_path):
-    (tmp_path / 'two.urdf').write_text(TWO_JOINTS)
-    limits = JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
-    assert limits.joint_names == ('first', 'second')
-    assert limits.lower.tolist() == [-CONTINUOUS_RANGE, 0.0]
-    assert limits.upper.tolist() == [CONTINUOUS_RANGE, 0.3]
-    assert limits.velocity.tolist() == [1.0, 2.0]
-    assert limits.acceleration.tolist() == [np.inf, np.inf]
 
 
 # --- validator ------------------------------------------------------------------------------------

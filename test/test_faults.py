@@ -103,20 +103,6 @@ def test_setting_one_fault_does_not_change_when_messages_are_lost(link, other, s
     assert arrived[0] == arrived[1]
 
 
-def test_faults_of_a_link_can_change_at_any_tick():
-    network = NetworkModel(6)
-    arrived = []
-    for tick in range(40):
-        network.link = Link(delay=5 * (10 <= tick < 20), loss=float(tick >= 30))
-        network.send(tick, tick)
-        arrived += [(tick, message) for message in network.receive(tick)]
-    delayed = [(k + 5, k) for k in range(10, 20)]
-    # What comes behind the delayed ones cannot overtake them.
-    waiting = [(24, k) for k in range(20, 24)]
-    at_once = [(k, k) for k in range(24, 30)]
-    assert arrived == [(k, k) for k in range(10)] + delayed + waiting + at_once
-
-
 # --- parameters -----------------------------------------------------------------------------------
 
 
