@@ -53,7 +53,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / 'mine.yaml'
 
 
-@pytest.mark.parametrize(('cls', 'most'), [(ControllerNode, 74), (PlannerNode, 12), (SimNode, 25)])
+@pytest.mark.parametrize(('cls', 'most'), [(ControllerNode, 50), (PlannerNode, 12), (SimNode, 24)])
 def test_no_node_gets_more_parameters(cls: Any, most: int) -> None:
     """A new one takes the place of another: `most` may only fall."""
     with ros():

@@ -1,6 +1,7 @@
 """The parameters of CommandLoop."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from redres_ros.parameter import check_parameters, param
 from redres_ros.policy import SCALING
@@ -27,12 +28,6 @@ class LoopSettings:
     twist_lag: int = param(
         1, 'cycles after its state at which a task velocity acts; in lock-step 0', 0, 100
     )
-    max_linear_acceleration: float = param(
-        2.0, 'acceleration with which a sudden task velocity is approached [m/s^2]', 1e-3, 1e3
-    )
-    max_angular_acceleration: float = param(
-        6.0, 'the same for its angular part [rad/s^2]', 1e-3, 1e3
-    )
     scaling: str = param(
         AUTO,
         'what limits scale: the task velocity as a whole, or its components, translation and '
@@ -44,6 +39,10 @@ class LoopSettings:
     lockstep: bool = param(
         False, 'respond to a state only together with the cartesian_velocity of the same stamp'
     )
+
+    # with which a sudden task velocity is approached
+    max_linear_acceleration: ClassVar[float] = 2.0  # [m/s^2]
+    max_angular_acceleration: ClassVar[float] = 6.0  # [rad/s^2]
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -84,12 +84,12 @@ class ManagedNode(LifecycleNode):
     def _end(self) -> None:
         """Stop acting."""
 
+    def _forget(self) -> None:
+        """Return to the initial state."""
+
     def _may_be_cleaned_up(self) -> bool:
         """Whether nothing moves any more."""
         return True
-
-    def _forget(self) -> None:
-        """Return to the initial state."""
 
     @property
     def life(self) -> str:
