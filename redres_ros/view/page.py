@@ -23,7 +23,7 @@ from redres_ros.view.controls import Bindings, add_controls, add_faults
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.server import ADDRESS, TeleopChannel, close_server, open_server
-from redres_ros.view.steering import Steering
+from redres_ros.view.teleoperation import Teleoperation
 
 _NICENESS = 10  # with few processors, observers must wait for the nodes
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
@@ -67,13 +67,13 @@ class Page:
         self._add_panel(values['controller']['law'])
         add_controls(server.gui, self._bindings)
         server.gui.main_panel.dock_right()
-        self._steering = Steering(
+        self._teleoperation = Teleoperation(
             server, monitor, self._bindings, self._scene, model, channel.dead_man
         )
         if values['sim']:
             add_faults(server.gui, self._bindings)
-        channel.status = self._steering.status
-        channel.rows = self._steering.rows
+        channel.status = self._teleoperation.status
+        channel.rows = self._teleoperation.rows
         self._show_walls()
         self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
         self._paths: dict[str, deque[np.ndarray]] = {
@@ -85,13 +85,13 @@ class Page:
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
         ended = threading.Event()
-        steering = threading.Thread(target=self._steering.run, args=(ended,))
-        steering.start()
+        thread = threading.Thread(target=self._teleoperation.run, args=(ended,))
+        thread.start()
         try:
             self._show(stopped)
         finally:
             ended.set()
-            steering.join()
+            thread.join()
 
     def _show(self, stopped: threading.Event) -> None:
         number = 0
@@ -137,7 +137,7 @@ class Page:
         if not np.array_equal(self._arm.q, self._shown):
             self._shown = self._arm.q
             self._scene.show(self._shown)
-        self._steering.tip.follow(self._shown)
+        self._teleoperation.follow(self._shown)
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
