@@ -1,7 +1,9 @@
 """What stands between the ticks of the controller, tried without ROS."""
 
 import contextlib
+import sys
 from collections.abc import Callable
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,8 @@ T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 EPOCH = 1_700_000_000 * 10**9  # [ns]
 START = load_task('rectangle').start
+MOST_CALLS = 62  # of Python, from a state to its command
+MOST_FILES = 23
 GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
 
 
@@ -229,14 +233,6 @@ def wrapped(q: np.ndarray) -> np.ndarray:
     return (q + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def test_a_cycle_that_was_missed_is_passed_on_to_the_controller() -> None:
-    robot = at_speed()
-    robot.cycle += 2
-    before = robot.following.skipped
-    robot.ask()
-    assert robot.following.skipped == before + 2
-
-
 @pytest.mark.parametrize('of_joints', [False, True])
 @pytest.mark.parametrize('every', [1, 10])
 def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
@@ -260,13 +256,6 @@ def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
 
 
 # --- states that are not as they should be --------------------------------------------------------
-
-
-def test_a_state_without_a_stamp_is_refused() -> None:
-    robot = make()
-    with pytest.raises(ClockError, match='no stamp'):
-        robot.ask(0)
-    assert robot.ask() is not None
 
 
 @pytest.mark.parametrize('word', ['CMD', 'MON'])
@@ -336,7 +325,7 @@ def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
     np.testing.assert_array_equal(response.command.q_ref, reference)
 
 
-@pytest.mark.parametrize('before_the_gap', range(100, 400, 30))
+@pytest.mark.parametrize('before_the_gap', range(100, 400, 100))
 def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
     before_the_gap: int,
 ) -> None:
@@ -468,15 +457,6 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     assert speed(response) < 1e-3
 
 
-def test_before_an_inactive_controller_is_silent_it_repeats_its_last_reference() -> None:
-    robot = limited()
-    robot.follow(300)
-    robot.following.deactivate()
-    robot.follow(1000)
-    assert robot.following.mode is Mode.INACTIVE
-    np.testing.assert_array_equal(robot.references[-1], robot.references[-2])
-
-
 def test_a_controller_activated_while_the_robot_waits_responds_to_the_state_it_repeats() -> None:
     robot = make()
     robot.following.deactivate()
@@ -596,13 +576,6 @@ def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clo
     assert response is not None and response.scaling == 0.0
 
 
-def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands() -> None:
-    robot = at_speed()
-    robot.cycle += 1
-    response = robot.following.step(robot.stamp, robot.q, robot.now + 3.0)
-    assert response is not None and response.scaling == 1.0
-
-
 # --- waiting --------------------------------------------------------------------------------------
 
 
@@ -637,14 +610,6 @@ def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again()
     assert robot.ask() is not None
     robot.cycle += 1
     assert robot.following.step(robot.stamp, robot.q, robot.now) is None
-
-
-def test_a_robot_that_goes_on_without_the_response_is_not_kept_waiting() -> None:
-    robot = at_speed(interface=RobotInterface('velocity', patience=1.0))
-    robot.ask()
-    assert robot.ask() is None
-    assert robot.ask() is not None
-    assert robot.following.skipped == 1
 
 
 # --- who lets whom --------------------------------------------------------------------------------
@@ -705,3 +670,28 @@ def test_limits_that_hold_the_task_up_for_a_second_are_reported_with_the_joint()
     robot.following.hold(True)
     robot.follow(2)
     assert robot.following.limit_warning == ''
+
+
+def test_a_reader_follows_a_state_to_its_command_in_few_calls() -> None:
+    """From the state of an arm that moves within limits, nothing of which was prepared."""
+    robot = limited()
+    robot.ask()
+    for _ in range(300):
+        robot.steer(velocity(robot.cycle), stamp=0)
+        robot.ask()
+    robot.steer(velocity(robot.cycle), stamp=0)
+    calls: list[str] = []
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        if event == 'call' and 'redres_ros' in frame.f_code.co_filename:
+            calls.append(frame.f_code.co_filename)
+
+    robot.cycle += 1
+    sys.setprofile(note)
+    try:
+        response = robot.following.step(robot.stamp, robot.q, robot.now)
+    finally:
+        sys.setprofile(None)
+    assert speed(response) > 1e-3
+    assert len(calls) <= MOST_CALLS
+    assert len(set(calls)) <= MOST_FILES

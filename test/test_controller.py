@@ -21,7 +21,7 @@ from redres_ros import (
     make_law,
     resolve,
 )
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, RedresError
 from redres_ros.interpolation import quintic
 from redres_ros.policy import Policy
 from redres_ros.robot_interface import Published
@@ -74,22 +74,12 @@ class Drive:
 @pytest.fixture(scope='module')
 def underway(model, task) -> Callable[[str, float], Drive]:
     """A drive under some law at some time [s] of the paper's task; each law is driven once."""
-    return underway_with(model, task)
-
-
-@pytest.fixture(scope='module')
-def identified_underway(task) -> Callable[[str, float], Drive]:
-    """The same with the identified dynamics, with which no law is violent by itself."""
-    return underway_with(RobotModel.named('lwr4_paper', dynamics='identified'), task)
-
-
-def underway_with(model: RobotModel, task: WaypointTask) -> Callable[[str, float], Drive]:
     kept: dict[tuple[str, float], Drive] = {}
 
     def at(law: str, time: float) -> Drive:
         if (law, time) not in kept:
             drive = Drive(controller_of(model, law, switch_time=SWITCH_TIME), task)
-            for stop in (1.5, 4.5, 7.0):
+            for stop in (1.5, 4.5):
                 drive.run(stop - drive.tick * T)
                 kept[law, stop] = drive.copy()
         return kept[law, time].copy()
@@ -110,36 +100,15 @@ def test_the_command_executes_the_task(model, task):
     assert command.J @ command.dq == pytest.approx(DX, abs=ROUNDING)
 
 
-def test_the_example_for_researchers_runs():
-    model = RobotModel.named('lwr4_paper')
-    controller = Controller(model, make_law('minimum_acceleration', damping=10.0), T=0.001)
-    q = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))
-    dx = np.array((0.1, 0.0, 0.0))
-    command = controller.update(q, dx)
-    assert command.dq.shape == command.q_ref.shape == (7,)
-
-
-def test_the_velocity_of_one_tick_is_the_last_velocity_of_the_next(model, task):
-    controller = controller_of(model)
-    first = controller.update(task.start, DX)
-    second = controller.update(first.q_ref, DX)
-    assert not first.state.dq_prev.any()
-    assert (second.state.dq_prev == first.dq).all()
-
-
 def test_acceleration_and_torque_belong_to_the_step_in_velocity(model, task):
     controller = controller_of(model)
     first = controller.update(task.start, DX)
     second = controller.update(first.q_ref, DX)
     ddq = (second.dq - first.dq) / T  # Eq. (13)
+    assert not first.state.dq_prev.any()
+    assert (second.state.dq_prev == first.dq).all()
     assert second.ddq == pytest.approx(ddq, abs=1e-9)
     assert second.tau == pytest.approx(second.state.M @ ddq + second.state.n, abs=1e-9)  # Eq. (6)
-
-
-def test_the_smallest_singular_value_is_that_of_the_jacobian(model, task):
-    command = controller_of(model).update(task.start, DX)
-    J = command.J
-    assert command.min_singular_value == pytest.approx(np.sqrt(np.linalg.eigvalsh(J @ J.T)[0]))
 
 
 def test_a_pose_task_is_executed_with_its_six_rows(task):
@@ -182,32 +151,12 @@ def lagging(controller: Controller, start: np.ndarray, ticks: int) -> tuple[np.n
     return np.linalg.norm(command.q_ref - start), np.linalg.norm(q - start)
 
 
-def test_from_the_last_command_a_servo_lag_does_not_slow_the_reference_down(model, task):
-    reference, _ = lagging(controller_of(model, 'minimum_velocity'), task.start, 100)
-    ideal, _ = lagging(
-        controller_of(model, 'minimum_velocity', integrate_from='measurement'), task.start, 1
-    )
-    assert reference == pytest.approx(
-        100 * ideal, rel=0.05
-    )  # J changes a little on the way of 2 cm
-
-
 def test_from_the_measurement_a_servo_lag_makes_the_arm_creep(model, task):
     creeping = controller_of(model, 'minimum_velocity', integrate_from='measurement')
     reference, measured = lagging(creeping, task.start, 100)
     commanded, followed = lagging(controller_of(model, 'minimum_velocity'), task.start, 100)
     assert reference < 0.1 * commanded
     assert measured < 0.1 * followed
-
-
-def test_on_an_ideal_arm_both_are_the_same(model, task):
-    drives = [
-        Drive(controller_of(model, integrate_from=choice), task)
-        for choice in ('command', 'measurement')
-    ]
-    for _ in range(200):
-        commands = [drive.step()[0] for drive in drives]
-        assert (commands[0].q_ref == commands[1].q_ref).all()
 
 
 @pytest.mark.parametrize('missed', [0, 1, 5])
@@ -233,28 +182,21 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
 # --- what it refuses ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('T', [0.0, -0.001, np.nan, np.inf, 2.0])
-def test_a_sampling_time_out_of_range_is_refused(model, T):
-    with pytest.raises(RangeError, match=f'T is {T}; allowed: 1e-05 to 1'):
-        Controller(model, make_law('minimum_velocity'), T)
-
-
-@pytest.mark.parametrize('switch_time', [-0.1, np.nan, 61.0])
-def test_a_switch_time_out_of_range_is_refused(model, switch_time):
-    with pytest.raises(RangeError, match=f'switch_time is {switch_time}; allowed: 0 to 60'):
-        controller_of(model, switch_time=switch_time)
-
-
-def test_an_unknown_source_of_integration_is_refused(model):
-    with pytest.raises(
-        UnknownNameError, match="unknown integrate_from 'hope'; allowed: command, measurement"
-    ):
-        controller_of(model, integrate_from='hope')
-
-
-def test_too_much_damping_is_refused_at_construction(model):
-    with pytest.raises(RangeError, match=r'damping is 501\.0; allowed: 0 to 500 .*1/T'):
-        Controller(model, make_law('minimum_acceleration', damping=501.0), T)
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({'T': 0.0}, 'T is 0.0; allowed: 1e-05 to 1'),
+        ({'T': np.nan}, 'T is nan'),
+        ({'switch_time': -0.1}, 'switch_time is -0.1; allowed: 0 to 60'),
+        ({'integrate_from': 'hope'}, "unknown integrate_from 'hope'; allowed: command, measure"),
+        ({'robot_interface': 'tcp'}, "unknown robot_interface 'tcp'"),
+        ({'T': 0.0025}, r'damping is 401\.0; allowed: 0 to 400 .*1/T'),
+    ],
+)
+def test_what_cannot_be_is_refused_at_construction(model, options, words):
+    law = make_law('minimum_acceleration', damping=401.0)
+    with pytest.raises(RedresError, match=words):
+        Controller(model, law, **{'T': T, **options})
 
 
 def test_too_much_damping_is_refused_at_a_switch_and_the_law_stays(model):
@@ -359,31 +301,6 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
     )
 
 
-# With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a
-# configuration that neither
-# law alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
-@pytest.mark.slow
-@pytest.mark.parametrize('time', [1.5, 4.5])
-@pytest.mark.parametrize(
-    ('old', 'new'), list(permutations([law for law in LAWS if law != 'minimum_torque'], 2))
-)
-def test_a_switch_takes_little_more_acceleration_than_the_two_laws(
-    identified_underway, old, new, time
-):
-    """Each law goes on by itself from the state at the switch; bringing one velocity to the other
-    is part of it.
-    """
-    staying, blended, at_once = (identified_underway(old, time) for _ in range(3))
-    at_once.controller.switch_time = 0.0
-    for drive in (blended, at_once):
-        drive.controller.switch_law(make_law(new))
-    first, *after = at_once.run(2 * SWITCH_TIME)
-    gap = np.linalg.norm(first.dq - staying.copy().step()[0].dq)
-    steepest = 1.875 / SWITCH_TIME  # of the quintic
-    needed = max(peak(staying.run(2 * SWITCH_TIME)), peak(after), steepest * gap)
-    assert peak(blended.run(2 * SWITCH_TIME)) < 1.5 * needed
-
-
 @pytest.mark.parametrize('period', [0.001, 0.002, 0.01])
 def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(period):
     controller = Controller(
@@ -397,26 +314,6 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     for k in range(1, round(0.5 / period)):
         s, _ = quintic(k * period / 0.5)
         assert controller.update(np.zeros(7), np.zeros(3)).dq == pytest.approx(1.0 - s, abs=1e-9)
-
-
-def test_a_switch_asked_for_in_the_middle_of_another_one_does_not_jump(underway):
-    single = underway('minimum_velocity', 1.5)
-    single.controller.switch_law(make_law('minimum_kinetic_energy'))
-    double = single.copy()
-    double.run(SWITCH_TIME / 2)
-    double.controller.switch_law(make_law('minimum_velocity'))
-    # There and back. A jump would be some 60 times as high.
-    assert peak(double.run(2 * SWITCH_TIME)) < 1.5 * peak(single.run(SWITCH_TIME))
-
-
-def test_other_gains_of_the_same_law_are_a_switch_too(underway):
-    drive = underway('minimum_weighted_torque', 4.5)
-    ticks = round(SWITCH_TIME / T)
-    changed = drive.copy()
-    changed.controller.switch_law(make_law('minimum_weighted_torque', damping=100.0))
-    ways = [[command.dq for command in each.run(SWITCH_TIME)] for each in (drive, changed)]
-    differences = np.linalg.norm(np.subtract(*ways), axis=1)
-    assert differences[0] < 1e-4 < differences[ticks - 1]
 
 
 def test_asking_for_the_law_in_force_changes_nothing(underway):
@@ -472,27 +369,16 @@ def test_a_number_of_missed_cycles_that_cannot_be_is_refused(model, task, missed
     assert np.isfinite(controller.update(first.q_ref, DX).q_ref).all()
 
 
-@pytest.mark.parametrize('missed', [1, np.int64(1), np.uint8(1)])
-def test_missed_cycles_may_be_any_kind_of_whole_number(model, task, missed):
-    controller = controller_of(model)
-    first = controller.update(task.start, DX)
-    assert np.isfinite(controller.update(first.q_ref, DX, missed=missed).q_ref).all()
-
-
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
         (lambda q: np.ma.masked_array(q, mask=[True] + 6 * [False]), 'has masked values'),
-        (lambda q: q + 0j, '7 real numbers'),
         (lambda q: q.astype(str), '7 real numbers'),
-        (lambda q: q > 0.0, '7 real numbers'),
-        (lambda q: q.astype('datetime64[s]'), '7 real numbers'),
         (lambda q: [10**400, *q[1:]], '7 numbers'),
         (lambda q: None, 'has shape'),
-        (lambda q: [[1.0], [1.0, 2.0]], '7 numbers'),
     ],
-    ids=['masked', 'complex', 'text', 'truth', 'dates', 'too large', 'nothing', 'ragged'],
+    ids=['masked', 'text', 'too large', 'nothing'],
 )
 def test_positions_that_are_no_real_numbers_are_refused(model, task, change, words):
     with pytest.raises(ArrayError, match=words) as caught:
@@ -500,22 +386,7 @@ def test_positions_that_are_no_real_numbers_are_refused(model, task, change, wor
     assert '\n' not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    'change',
-    [list, tuple, np.ma.masked_array, lambda q: q.astype(object), np.float32],
-    ids=['list', 'tuple', 'without a mask', 'objects', 'single'],
-)
-def test_positions_may_come_as_any_numbers(model, task, change):
-    expected = controller_of(model).update(np.asarray(change(task.start), float), DX)
-    assert (controller_of(model).update(change(task.start), DX).q_ref == expected.q_ref).all()
-
-
 # --- starting and stopping ------------------------------------------------------------------------
-
-
-def test_without_switch_time_gravity_makes_the_first_tick_jump(model, task):
-    law = make_law('dynamically_consistent', damping=1.0 / T)  # Eq. (35)
-    assert np.linalg.norm(Controller(model, law, T).update(task.start, np.zeros(3)).ddq) > 80.0
 
 
 @pytest.mark.parametrize('name', LAWS)
@@ -525,13 +396,6 @@ def test_the_start_from_standing_still_does_not_jump(model, task, name):
     # s grows as 10 xi^3: after 20 of 250 ticks to 0.005. All laws together ask for 90 rad/s^2 at
     # once.
     assert peak(drive.run(20 * T)) < 0.05 * 90.0
-
-
-def test_the_start_ends_in_the_law(model, task):
-    drive = Drive(controller_of(model, 'dynamically_consistent', switch_time=SWITCH_TIME), task)
-    drive.run(SWITCH_TIME)
-    command, dx = drive.step()
-    assert (command.dq == alone(drive.controller.law, command, dx)).all()
 
 
 def test_hold_comes_to_a_standstill_within_the_switch_time(underway):
@@ -551,13 +415,6 @@ def test_hold_does_not_jump(underway):
     assert peak(drive.run(SWITCH_TIME)) < 4.0 * speed / SWITCH_TIME
 
 
-def test_without_switch_time_hold_stops_at_once(model, task):
-    controller = controller_of(model)
-    controller.update(task.start, DX)
-    controller.hold()
-    assert not controller.update(task.start, DX).dq.any()
-
-
 def test_resume_goes_on_without_a_jump_and_ends_in_the_law(underway):
     drive = underway('minimum_acceleration', 4.5)
     drive.controller.hold()
@@ -567,18 +424,6 @@ def test_resume_goes_on_without_a_jump_and_ends_in_the_law(underway):
     assert np.linalg.norm(first.dq) < 1e-4
     command, dx = drive.step()
     assert (command.dq == alone(drive.controller.law, command, dx)).all()
-
-
-def test_a_law_asked_for_while_holding_is_the_one_resumed(underway):
-    drive = underway('minimum_acceleration', 4.5)
-    drive.controller.hold()
-    drive.run(1.2 * SWITCH_TIME)
-    drive.controller.switch_law(make_law('minimum_velocity'))
-    assert not drive.step()[0].dq.any()
-    drive.controller.resume()
-    drive.run(SWITCH_TIME)
-    command, dx = drive.step()
-    assert (command.dq == alone(make_law('minimum_velocity'), command, dx)).all()
 
 
 # --- real time ------------------------------------------------------------------------------------

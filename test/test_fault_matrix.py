@@ -49,114 +49,60 @@ class Outcome(Enum):
 
 
 class Cell(NamedTuple):
-    """What is expected: words are on a node's log, or the reason why there can be no such fault."""
+    """What is expected: words are on a node's log."""
 
     outcome: Outcome
     words: str = ''
 
 
-GOES_ON = Cell(Outcome.GOES_ON)
-RESTS = Cell(Outcome.RESTS)
-LATE = Cell(Outcome.STOPS, 'timing')
-ONCE = Cell(Outcome.NONE, 'said once a change, on a reliable topic')
-STAYS = Cell(Outcome.STAYS)
-TWIST_AGE = "behind the robot's clock"
-APART = Cell(Outcome.RESTS, 'the arm does not move')
-STALE = Cell(Outcome.HELD, 'no wrench for 0.05 s')
-PROTECTED = Cell(Outcome.STOPS, 'protective stop')
+# Of each topic and listener: what becomes of the arm under the FAULTS, in their order, and words on
+# a node's log.
+TABLE = """
+joint_states controller:
+  stops timing | stops timing | stops joint_states refused | held further than it can |
+    stops timing | stops timing | stops timing | goes_on before the newest one
+joint_states planner:
+  rests no joint_states | rests behind the robot's clock | rests joint_states refused |
+    goes_on | goes_on | rests behind the robot's clock | goes_on no joint_states |
+    goes_on before the newest one
+joint_command sim:
+  stops timing | stops timing | stops joint_command refused | stops position limit |
+    stops timing | stops timing | stops timing | goes_on
+cartesian_velocity controller:
+  rests | rests behind the robot's clock | rests cartesian_velocity refused |
+    goes_on max_linear | goes_on | rests behind the robot's clock | goes_on | goes_on
+target_pose planner:
+  stays | goes_on | stays target_pose refused | stays target_pose refused | none | goes_on |
+    goes_on | goes_on
+controller/task_scaling planner:
+  rests | goes_on | rests | goes_on | goes_on | goes_on | goes_on | goes_on
+sim/session_state controller:
+  goes_on the arm does not move | stays | stays | rests the arm does not move | none |
+    goes_on the arm does not move | none | none
+sim/stop_reason planner:
+  stops protective stop | stops protective stop | stops protective stop |
+    stops protective stop | none | stops protective stop | none | none
+wrench controller:
+  held no wrench for 0.05 s | held no wrench for 0.05 s | held expected finite values |
+    held a force of 200 N on the tip | held no wrench for 0.05 s | held no wrench for 0.05 s |
+    held no wrench for 0.05 s | goes_on
+"""
 
-EXPECTED: dict[tuple[str, str], tuple[Cell, ...]] = {
-    ('joint_states', 'controller'): (
-        LATE,
-        LATE,
-        Cell(Outcome.STOPS, 'joint_states refused'),
-        Cell(Outcome.HELD, 'further than it can'),
-        LATE,
-        LATE,
-        LATE,
-        Cell(Outcome.GOES_ON, 'before the newest one'),
-    ),
-    ('joint_states', 'planner'): (
-        Cell(Outcome.RESTS, 'no joint_states'),
-        Cell(Outcome.RESTS, TWIST_AGE),
-        Cell(Outcome.RESTS, 'joint_states refused'),
-        GOES_ON,
-        GOES_ON,
-        Cell(Outcome.RESTS, TWIST_AGE),
-        Cell(Outcome.GOES_ON, 'no joint_states'),
-        Cell(Outcome.GOES_ON, 'before the newest one'),
-    ),
-    ('joint_command', 'sim'): (
-        LATE,
-        LATE,
-        Cell(Outcome.STOPS, 'joint_command refused'),
-        Cell(Outcome.STOPS, 'position limit'),
-        LATE,
-        LATE,
-        LATE,
-        GOES_ON,
-    ),
-    ('cartesian_velocity', 'controller'): (
-        RESTS,
-        Cell(Outcome.RESTS, TWIST_AGE),
-        Cell(Outcome.RESTS, 'cartesian_velocity refused'),
-        Cell(Outcome.GOES_ON, 'max_linear'),
-        GOES_ON,
-        Cell(Outcome.RESTS, TWIST_AGE),
-        GOES_ON,
-        GOES_ON,
-    ),
-    ('target_pose', 'planner'): (
-        STAYS,
-        GOES_ON,
-        Cell(Outcome.STAYS, 'target_pose refused'),
-        Cell(Outcome.STAYS, 'target_pose refused'),
-        Cell(Outcome.NONE, 'said once; a slow one is late'),
-        GOES_ON,
-        GOES_ON,
-        GOES_ON,
-    ),
-    ('controller/task_scaling', 'planner'): (
-        RESTS,
-        GOES_ON,
-        RESTS,
-        GOES_ON,
-        GOES_ON,
-        GOES_ON,
-        GOES_ON,
-        GOES_ON,
-    ),
-    ('sim/session_state', 'controller'): (
-        Cell(Outcome.GOES_ON, 'the arm does not move'),
-        STAYS,
-        STAYS,
-        APART,
-        ONCE,
-        Cell(Outcome.GOES_ON, 'the arm does not move'),
-        ONCE,
-        ONCE,
-    ),
-    ('sim/stop_reason', 'planner'): (
-        PROTECTED,
-        PROTECTED,
-        PROTECTED,
-        PROTECTED,
-        ONCE,
-        PROTECTED,
-        ONCE,
-        ONCE,
-    ),
-    ('wrench', 'controller'): (
-        STALE,
-        STALE,
-        Cell(Outcome.HELD, 'expected finite values'),
-        Cell(Outcome.HELD, 'a force of 200 N on the tip'),
-        STALE,
-        STALE,
-        STALE,
-        GOES_ON,
-    ),
-}
+
+def expected() -> dict[tuple[str, str], list[Cell]]:
+    """The cells of the table, by topic and listener."""
+    table = {}
+    for row in TABLE.replace('\n  ', ' ').strip().splitlines():
+        names, _, cells = row.partition(':')
+        topic, listener = names.split()
+        table[topic, listener] = [
+            Cell(Outcome[outcome.upper()], words)
+            for outcome, _, words in (cell.strip().partition(' ') for cell in cells.split('|'))
+        ]
+    return table
+
+
+EXPECTED = expected()
 
 
 class InContact(NamedTuple):

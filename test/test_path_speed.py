@@ -12,12 +12,6 @@ T = 0.002  # [s]
 ROUNDING = 1e-9
 
 
-def test_without_limits_the_path_keeps_its_speed() -> None:
-    speed = PathSpeed()
-    speed.advance(1.0, T)
-    assert speed.fraction == 1.0
-
-
 def test_the_speed_falls_with_what_is_executed_and_not_suddenly() -> None:
     speed = PathSpeed()
     speed.advance(0.999, T)

@@ -9,7 +9,6 @@ REDRES_NIGHTLY=1 the long ones take as long as they should.
 
 import os
 import signal
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,23 +20,17 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-import rclpy
 from graph_helpers import (
     PATIENCE,
     START,
     Observer,
     await_that,
-    call,
     graph,
     log_lines,
     set_parameters,
 )
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from nightly import NIGHTLY
-from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.demo.processes import NodeProcess
@@ -213,25 +206,6 @@ class TestStopped:
         moving.processes['controller'].check()
         moving.processes['planner'].check()
 
-    def test_of_two_controllers_neither_moves_the_arm(self, moving: Graph) -> None:
-        observer = moving.observer
-        observer.assert_all_was_well()
-        second = moving.start('controller')
-        # by the refusals, or by the guard if the two were far apart before both were known
-        moving.await_stop()
-        observer.await_standstill(observer.at)
-        refused = 'joint_command refused: joint_command has 2 publishers'
-        await_that(lambda: moving.lines('sim', refused) > 0, 'the refusal')
-        second.end()
-        # On a busy machine one of the two may pause, and both be refused once more.
-        accepted = 'joint_command accepted again'
-        await_that(
-            lambda: moving.lines('sim', accepted) == moving.lines('sim', refused), 'one controller'
-        )
-        observer.forget_commands()  # of both
-        assert observer.reset() < RECOVERY
-        await_going_on(observer)
-
     def test_a_controller_that_was_killed_is_succeeded_by_another_one(self, moving: Graph) -> None:
         observer = moving.observer
         killed = moving.observer.at
@@ -249,115 +223,7 @@ class TestStopped:
 # --- nodes that are killed ------------------------------------------------------------------------
 
 
-def change_controller(observer: Observer, transition: int) -> None:
-    """Ask the controller for a transition of its life cycle; it may refuse."""
-    request = ChangeState.Request(transition=Transition(id=transition))
-    call(observer, ChangeState, 'controller/change_state', request)
-
-
-def hold(observer: Observer, wanted: bool) -> None:
-    """Have the controller hold the arm, or let it go on."""
-    call(observer, SetBool, 'controller/hold', SetBool.Request(data=wanted))
-
-
-def bring_to(mode: str, observer: Observer) -> None:
-    """Bring the controller of a moving arm to a mode; it may go on to another one by itself."""
-    if mode == 'moving':
-        return
-    before = len(observer.modes)
-    if mode == 'mirroring':
-        call(observer, Trigger, 'sim/reset', Trigger.Request())
-    elif mode in ('stopping', 'holding'):
-        hold(observer, True)
-    elif mode == 'inactive':
-        change_controller(observer, Transition.TRANSITION_DEACTIVATE)
-    await_that(lambda: mode in observer.modes[before:], mode, every=0.001)
-
-
-MODES = ('moving', 'mirroring', 'stopping', 'holding', 'inactive')
-KILLED = [pytest.param(mode, name, id=f'{name} while {mode}') for mode in MODES for name in OWN]
-FEW_KILLED = [KILLED[0], KILLED[4], KILLED[7], KILLED[10], KILLED[13]]
-
-
-@pytest.fixture(scope='class')
-def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """The arm moves; any node may die."""
-    with moving_graph(tmp_path_factory.mktemp('mortal')) as shared:
-        yield shared
-
-
-class TestKilled:
-    """A node that is killed in any mode of the controller, and started again. One graph."""
-
-    @pytest.mark.parametrize(('mode', 'name'), KILLED if NIGHTLY else FEW_KILLED)
-    def test_killed_and_started_again_it_makes_no_step(
-        self, mode: str, name: str, mortal: Graph
-    ) -> None:
-        observer = mortal.observer
-        bring_to(mode, observer)
-        mortal.kill(name)
-        states = len(observer.states)
-        mortal.processes[name] = mortal.start(name)
-        await_that(lambda: len(observer.states) > states + 50, 'the robot')
-        hold(observer, False)
-        change_controller(observer, Transition.TRANSITION_ACTIVATE)
-        observer.reset()
-        await_going_on(observer)
-        observer.assert_all_was_well()
-
-
-@pytest.mark.parametrize('mode', MODES if NIGHTLY else MODES[2:3])
-def test_composed_and_killed_and_started_again_the_arm_makes_no_step(
-    mode: str, tmp_path: Path
-) -> None:
-    own = {'task': str(endless_task(tmp_path)), 'autostart': True}
-    with graph(Observer) as (observer, start):
-        for life in range(2):
-            observer.states.clear()  # a robot that is started again stands somewhere else
-            observer.commands.clear()
-            observer.session.clear()  # its word may be received before its first state
-            log = tmp_path / f'composed_{life}.log'
-            process = start('composed', log, **ALL, **own)
-            observer.await_command_mode()
-            await_going_on(observer)
-            bring_to(mode, observer)
-            os.kill(process.pid, signal.SIGKILL)
-            process.wait(PATIENCE)
-            observer.assert_all_was_well()
-
-
 # --- computers that stall -------------------------------------------------------------------------
-
-
-@contextmanager
-def joined() -> Iterator[None]:
-    """A participant that looks for the parameters of all nodes, as `ros2 param list` does."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node('joining', context=context)
-    try:
-        clients = [AsyncParameterClient(node, name) for name in ('sim', 'controller', 'planner')]
-        await_that(lambda: all(client.services_are_ready() for client in clients), 'the services')
-        yield
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
-
-
-def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_command_mode(
-    tmp_path: Path,
-) -> None:
-    with graph(Observer) as (observer, start):
-        start('sim', tmp_path / 'sim.log', **ALL, patience=STALL)
-        await_that(lambda: bool(observer.states), 'the robot')
-        start('controller', tmp_path / 'controller.log', **ALL)
-        observer.await_command_mode()
-        start('planner', tmp_path / 'planner.log', **ALL, autostart=True)
-        for _ in range(2):
-            with joined():
-                observer.await_motion()
-        assert [state for _, state in observer.session] == ['MON', 'CMD']
-        assert not any(observer.reasons)
 
 
 # --- users that misbehave -------------------------------------------------------------------------
@@ -426,22 +292,6 @@ class TestUndisturbed:
         await_going_on(observer)
         undisturbed.assert_undisturbed()
 
-    def test_a_controller_that_stalls_for_half_a_second_is_waited_for(
-        self, undisturbed: Graph
-    ) -> None:
-        observer = undisturbed.observer
-        controller = undisturbed.processes['controller'].pid
-        first = len(observer.states)
-        os.kill(controller, signal.SIGSTOP)
-        time.sleep(0.5)
-        os.kill(controller, signal.SIGCONT)
-        stalled_at = observer.at
-        await_that(lambda: observer.at > stalled_at + 10**9, 'the robot to go on')
-        undisturbed.assert_undisturbed()
-        stamps = np.array([stamp for stamp, _ in observer.states[first:]])
-        assert set(np.diff(stamps)) == {round(1e9 / RATE)}
-        observer.assert_all_was_well()
-
     def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
         self, undisturbed: Graph
     ) -> None:
@@ -468,10 +318,3 @@ class TestUndisturbed:
         observer.create_subscription(String, 'controller/law', laws.append, 1)
         await_that(lambda: bool(laws), 'the law')
         assert laws[-1].data == good['law']
-
-    def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(
-        self, undisturbed: Graph
-    ) -> None:
-        for switch in range(20_000 if NIGHTLY else 300):
-            assert undisturbed.observer.set_controller(law=GENTLE[switch % len(GENTLE)]).successful
-        undisturbed.assert_undisturbed()

@@ -13,7 +13,6 @@ from rclpy.parameter import Parameter
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import LAWS, RobotModel
-from redres_ros.nodes.conversions import to_pose
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 
@@ -39,7 +38,7 @@ def state(run: VirtualRun) -> TaskState:
 
 def from_start(run: VirtualRun) -> float:
     """Distance of the joint farthest from the start of the task [rad]."""
-    distance: float = np.abs(run.nodes['sim']._robot.q - run.nodes['planner']._task.start).max()
+    distance: float = np.abs(run.nodes['sim']._robot.plant.q - run.nodes['planner']._task.start).max()
     return distance
 
 
@@ -70,17 +69,6 @@ def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold(
         run.run(1.0)
         run.graph.call('controller/hold', data=False)
         run_once(run)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    ('robot', 'law'), [('iiwa7', 'minimum_velocity'), ('gen3', 'dynamically_consistent')]
-)
-def test_other_arms_run_their_tasks_again(robot: str, law: str) -> None:
-    with arm(robot, rate=250.0, law=law) as run:
-        run.run(0.5)
-        for _ in range(2):
-            run_once(run)
 
 
 @pytest.mark.nightly
@@ -115,18 +103,6 @@ def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
     assert not dq[-10:].any()
 
 
-def test_home_of_an_arm_that_is_there_says_so_and_moves_nothing() -> None:
-    with arm() as run:
-        run.run(0.5)
-        q = run.nodes['sim']._robot.q.copy()
-        response = run.graph.call('planner/home')
-        assert response.success
-        assert 'at its start already' in response.message
-        run.run(0.5)
-        assert state(run) is TaskState.FINISHED
-        assert np.abs(run.nodes['sim']._robot.q - q).max() < 1e-6
-
-
 def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
     with arm() as run:
         run.run(0.5)
@@ -136,23 +112,11 @@ def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
         response = run.graph.call('planner/stop')
         assert 'comes to rest' in response.message
         run.run(1.0)
-        q = run.nodes['sim']._robot.q.copy()
+        q = run.nodes['sim']._robot.plant.q.copy()
         run.run(1.0)
         assert state(run) is TaskState.IDLE
         assert from_start(run) > THERE
-        assert np.abs(run.nodes['sim']._robot.q - q).max() < 1e-6
-
-
-def test_a_target_on_the_way_home_is_refused() -> None:
-    with arm() as run:
-        run.run(0.5)
-        run_once(run)
-        run.graph.call('planner/home')
-        run.run(0.5)
-        run.graph.publish('target_pose', to_pose(0, '', np.array((0.3, 0.3, 0.5)), np.eye(3)))
-        run.run(0.1)
-        assert state(run) is TaskState.HOMING
-        assert any('planner/stop ends that' in line for _, line in run.graph.log)
+        assert np.abs(run.nodes['sim']._robot.plant.q - q).max() < 1e-6
 
 
 def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
@@ -161,7 +125,7 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
     with arm() as run:
         run.run(0.5)
         run_once(run)
-        q = run.nodes['sim']._robot.q.copy()
+        q = run.nodes['sim']._robot.plant.q.copy()
         middle = (q + run.nodes['planner']._task.start) / 2.0
         x, _ = model.tip(middle)
         changes = {
@@ -176,7 +140,7 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
         nearest = np.inf
         while state(run) not in (TaskState.STUCK, TaskState.FINISHED):
             run.run(0.1)
-            tip, _ = model.tip(run.nodes['sim']._robot.q)
+            tip, _ = model.tip(run.nodes['sim']._robot.plant.q)
             nearest = min(nearest, float(np.linalg.norm(tip - x)))
         assert state(run) is TaskState.STUCK
         assert nearest > 0.05

@@ -69,29 +69,6 @@ def test_random_jumps_at_20_to_60_hz_are_followed_within_all_limits(
     assert way > 0.01 * SECONDS  # it moves, and does not begin anew with each of them
 
 
-def test_a_stream_that_jitters_about_a_place_is_followed_there(run: VirtualRun) -> None:
-    rng = np.random.default_rng(24)
-    x, R = tip(run)
-    goal = x + np.array((-0.1, 0.2, 0.1))
-    for _ in range(300):
-        send(run, goal + rng.uniform(-0.005, 0.005, 3), R)
-        run.run(1.0 / 50.0)
-    assert np.linalg.norm(tip(run)[0] - goal) < 0.01
-    assert run.nodes['planner']._run.state is TaskState.MOVING
-
-
-def test_a_target_that_is_sent_again_and_again_is_reached_as_one(run: VirtualRun) -> None:
-    x, R = tip(run)
-    goal = x + np.array((0.0, 0.1, 0.0))
-    for _ in range(200):
-        send(run, goal, R)
-        run.run(0.02)
-        if run.nodes['planner']._run.state is TaskState.FINISHED:
-            break
-    assert run.nodes['planner']._run.state is TaskState.FINISHED
-    assert np.linalg.norm(tip(run)[0] - goal) < 0.001
-
-
 def test_a_target_in_the_middle_of_a_motion_makes_no_stop(run: VirtualRun) -> None:
     x, R = tip(run)
     send(run, x + np.array((0.0, 0.3, 0.0)), R)

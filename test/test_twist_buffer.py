@@ -147,28 +147,6 @@ def test_a_sudden_velocity_is_approached_with_the_largest_acceleration(rows: int
     np.testing.assert_allclose(out[-1], -dx, rtol=0.0, atol=1e-12)
 
 
-def test_a_jump_is_not_extrapolated() -> None:
-    twist_buffer = TwistBuffer(3, T, LoopSettings())
-    dx = np.array((0.0, 0.1, 0.0))
-    for tick in range(30):
-        if tick <= 20:
-            twist_buffer.put(tick, dx if tick == 20 else np.zeros(3))
-        assert twist_buffer.play(tick)[1] <= 0.1
-    assert twist_buffer.missing > 0
-
-
-def test_after_clear_the_next_task_velocity_begins_from_a_standstill() -> None:
-    twist_buffer = TwistBuffer(3, T, LoopSettings())
-    dx = np.array((0.0, 0.1, 0.0))
-    for tick in range(200):
-        twist_buffer.put(tick, dx)
-        twist_buffer.play(tick)
-    twist_buffer.clear()
-    np.testing.assert_array_equal(twist_buffer.play(200), np.zeros(3))
-    twist_buffer.put(200, dx)
-    assert np.linalg.norm(twist_buffer.play(201)) <= A * T * (1.0 + 1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize('spread', [0, 5, 50])
 def test_whatever_stamps_task_velocities_have_the_largest_acceleration_is_kept_twice_at_most(
