@@ -14,7 +14,6 @@ import math
 import os
 import random
 import signal
-import statistics
 import sys
 import time
 from collections import Counter
@@ -69,8 +68,6 @@ class Books:
     events: Counter[str] = field(default_factory=Counter)
     recoveries: dict[str, list[float]] = field(default_factory=dict)  # [s] by event
     resets: int = 0
-    memory: dict[str, list[float]] = field(default_factory=dict)  # [MB] of the present processes
-    growth: dict[str, float] = field(default_factory=dict)  # [MB] at most, of one process
 
     @property
     def sound(self) -> bool:
@@ -87,7 +84,6 @@ class Judge(Node):
         self.session = ''
         self.reason = ''
         self.planner = ''
-        self._speed = 0.0
         self._last: tuple[float, np.ndarray] | None = None
         self._moved = 0.0  # when the arm last moved in command mode [s]
         everything = QoSProfile(depth=2000)
@@ -183,7 +179,8 @@ class Soak:
             began = time.monotonic()
             self._come_back()
             books.recoveries.setdefault(name, []).append(time.monotonic() - began)
-            self._weigh()
+            for node in self.nodes.values():
+                node.check()
             time.sleep(self._chance.uniform(0.2, 1.5))
 
     def _come_back(self) -> None:
@@ -230,7 +227,6 @@ class Soak:
         self.nodes[name].wait(10.0)
         time.sleep(self._chance.uniform(0.0, 1.0))
         self.nodes[name] = self._start(name)
-        self._judge.books.memory.pop(name, None)
 
     def _stall(self, name: str) -> None:
         os.kill(self.nodes[name].pid, signal.SIGSTOP)
@@ -248,7 +244,6 @@ class Soak:
             'state_loss': share,
             'command_loss': share,
             'disorder': share,
-            'state_delay': self._chance.randint(0, 1),
             'command_delay': self._chance.randint(0, 2),
             'encoder_noise': self._chance.uniform(0.0, 1e-4),
         }
@@ -283,46 +278,11 @@ class Soak:
         time.sleep(self._chance.uniform(0.1, 1.0))
         self._call(SetBool, 'controller/hold', data=False)
 
-    def _weigh(self) -> None:
-        """Note how the processes have grown since their second weighing: by then they have loaded
-        what they need.
-        """
-        books = self._judge.books
-        for name, node in self.nodes.items():
-            node.check()
-            weights = books.memory.setdefault(name, [])
-            weights.append(node.memory)
-            if len(weights) > 2:
-                grown = weights[-1] - weights[1]
-                books.growth[name] = max(grown, books.growth.get(name, 0.0))
-
     def assert_quiet_logs(self) -> None:
         """Raise SoakError for a traceback in a log."""
         for path in self._folder.glob('*.log'):
             if 'Traceback' in path.read_text(errors='replace'):
                 raise SoakError(f'a traceback in {path}')
-
-
-def report(books: Books, seconds: float) -> dict[str, Any]:
-    """The figures, for people and programs."""
-    times = [value for values in books.recoveries.values() for value in values]
-    return {
-        'minutes': round(seconds / 60.0, 2),
-        'states': books.states,
-        'commands': books.commands,
-        'events': dict(books.events),
-        'not finite': books.not_finite,
-        'above a velocity limit': books.too_fast,
-        'outside the joint ranges': books.outside,
-        'leaps of the arm': books.leaps,
-        'stops': dict(books.stops),
-        'resets': books.resets,
-        'recovery median [s]': round(statistics.median(times), 2),
-        'recovery longest [s]': {
-            name: round(max(values), 2) for name, values in sorted(books.recoveries.items())
-        },
-        'growth of a process [MB]': {k: round(v, 2) for k, v in books.growth.items()},
-    }
 
 
 def main() -> int:
@@ -345,9 +305,15 @@ def main() -> int:
         finally:
             for node in soak.nodes.values():
                 node.end()
-    figures = report(judge.books, time.monotonic() - began)
-    figures['trouble'] = trouble
-    (options.out / 'soak.json').write_text(json.dumps(figures, indent=2) + '\n')
+    books = judge.books
+    figures = {
+        'minutes': round((time.monotonic() - began) / 60.0, 2),
+        **{name: value for name, value in vars(books).items() if name != 'recoveries'},
+        'longest recovery [s]': {
+            name: round(max(values), 2) for name, values in sorted(books.recoveries.items())
+        },
+        'trouble': trouble,
+    }
     print(json.dumps(figures, indent=2))
     sound = judge.books.sound and not trouble
     print('sound' if sound else 'NOT sound')
