@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
+from render import Film, render
 
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.simulation.colours import AXES, law_colour
 from redres_ros.simulation.recording import Recording
-from redres_ros.simulation.render import Film, render
 
 RATE = 12.5  # pictures a second
 FRACTION = 0.75  # of the size in which the arm is drawn

@@ -116,9 +116,7 @@ REFUSED = [
     (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
     (('--task', 'circle'), "unknown task 'circle'; allowed: "),
     (('--task', 'none.yaml'), 'cannot read none.yaml'),
-    (('--task', 'x' * 300), "unknown task 'xxx"),
     (('--robot', 'r2d2'), "unknown robot 'r2d2'; allowed: a path ending in .urdf "),
-    (('--robot', 'none.urdf'), 'cannot read the URDF none.urdf'),
     (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
@@ -133,9 +131,7 @@ REFUSED = [
         'position.margin is nan; allowed: ',
     ),
     (('--limit-scale', '0', '--limits', 'velocity'), 'limit_scale is 0.0; allowed: 0.001 to 1'),
-    (('--limit-scale', 'nan', '--limits', 'velocity'), 'limit_scale is nan; allowed: '),
     (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
-    (('--torque-scale', 'nan'), '--torque-scale nan acts on the limit torque; in use: none'),
     (
         ('--torque-scale', '0.5', '--limits', 'velocity'),
         '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
@@ -157,10 +153,8 @@ REFUSED = [
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
-    (('--damping', '-1'), 'damping is -1.0; allowed: 0 to'),
     (('--damping', '1001'), 'damping is 1001.0; allowed: 0 to 1000'),
     (('--period', '0'), 'T is 0.0; allowed: 1e-05 to 1'),
-    (('--period', 'inf'), 'T is inf; allowed: 1e-05 to 1'),
     (('--switch-time', '-1'), 'switch_time is -1.0; allowed: 0 to 60'),
     (('--delay', '-1'), 'delay is -1; allowed: 0 to 1000'),
 ]
@@ -300,19 +294,6 @@ def test_laws_lists_every_law_with_its_equation(capsys):
     assert {*ARMS} <= {line.partition(' ')[0] for line in lines}
 
 
-def test_the_list_of_laws_keeps_to_the_width_of_a_terminal_and_to_a_line_elsewhere(
-    monkeypatch, capsys
-):
-    assert main(['laws']) == 0
-    lines = capsys.readouterr().out
-    monkeypatch.setenv('COLUMNS', '80')
-    monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
-    assert main(['laws']) == 0
-    wrapped = capsys.readouterr().out
-    assert max(map(len, wrapped.splitlines())) <= 80 < max(map(len, lines.splitlines()))
-    assert wrapped.split() == lines.split()
-
-
 COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'laws', 'watch')
 MOTIONS = ('simulate', 'compare', 'demo')
 
@@ -325,13 +306,9 @@ def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.parametrize('command', ['', *COMMANDS])
-def test_help_is_there(command, capsys):
-    assert help_of(command, capsys).startswith(f'usage: redres {command}'.strip())
-
-
-@pytest.mark.parametrize('command', ['', *COMMANDS])
 def test_help_shows_no_default_that_says_nothing(command, capsys):
     shown = help_of(command, capsys)
+    assert shown.startswith(f'usage: redres {command}'.strip())
     for nothing in ('[]', '()', 'None', 'False', ''):
         assert f'; default: {nothing}\n' not in shown
 
@@ -347,25 +324,13 @@ def test_every_command_has_examples_and_each_can_be_parsed():
             assert make_parser().parse_args(words).command == name
 
 
+FIXED = '--law --damping --limits --limit-scale --torque-scale --prefer --secondary --set --robot'
+
+
 @pytest.mark.parametrize('command', MOTIONS)
-@pytest.mark.parametrize(
-    'option',
-    [
-        '--law',
-        '--damping',
-        '--limits',
-        '--limit-scale',
-        '--torque-scale',
-        '--prefer',
-        '--secondary',
-        '--robot',
-        '--tip',
-        '--task',
-        '--dynamics',
-    ],
-)
-def test_every_motion_has_the_same_options(command, option, capsys):
-    assert f'{option} ' in help_of(command, capsys)
+def test_every_motion_has_the_options_that_users_rely_on(command, capsys):
+    shown = help_of(command, capsys)
+    assert all(f'{option} ' in shown for option in [*FIXED.split(), '--tip', '--task'])
 
 
 # --- gains ----------------------------------------------------------------------------------------
@@ -394,11 +359,6 @@ def test_a_gain_acts(springy, short, tmp_path):
     c = simulate(short, tmp_path / 'c.csv', *law, '--set', 'springy.stiffness=4')
     assert (a != b).any()
     assert (a == c).all()
-
-
-def test_a_gain_of_a_law_that_is_not_in_use_is_refused(springy, capsys):
-    assert main(['simulate', '--set', 'springy.stiffness=1']) == 1
-    assert '--set springy.stiffness acts on the law springy; in use: ' in capsys.readouterr().err
 
 
 def test_laws_lists_every_gain_with_its_default(springy, capsys):

@@ -135,10 +135,6 @@ def violation(rows: np.ndarray) -> str:
     return first_violation(Recording(rows, 7, 0.01, True, ''), LIMITS)
 
 
-def test_an_arm_that_stands_still_violates_nothing() -> None:
-    assert violation(still(10)) == ''
-
-
 @pytest.mark.parametrize('joint', [1, 7])
 def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int) -> None:
     rows = still(10)
@@ -211,17 +207,6 @@ def test_bad_laws_get_one_line(
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert all(word in lines[0] for word in words)
-
-
-@pytest.mark.slow
-def test_dampings_that_print_alike_stay_apart(tmp_path: Path) -> None:
-    laws = 'minimum_acceleration@5,minimum_acceleration@5.0000001'
-    options = ['--task', 'side_to_side', '--period', '0.01', '--out', str(tmp_path)]
-    assert main(['compare', '--law', laws, *options]) == 0
-    assert {path.name for path in tmp_path.glob('*.csv')} == {
-        'minimum_acceleration_5.csv',
-        'minimum_acceleration_5.0000001.csv',
-    }
 
 
 # --- from Python ----------------------------------------------------------------------------------

@@ -92,10 +92,6 @@ def test_a_task_with_orientations_shows_how_well_they_are_kept(
     assert np.asarray(curve.get_ydata()) == pytest.approx(2.0)
 
 
-def test_each_law_has_a_colour_of_its_own() -> None:
-    assert len({law_colour(name) for name in LAWS}) == len(LAWS)
-
-
 def test_laws_of_plugins_have_colours_that_no_other_law_has(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

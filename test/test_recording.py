@@ -46,11 +46,6 @@ def test_the_columns_are_those_that_users_rely_on():
     assert ','.join(columns(7)) == COLUMNS
 
 
-def test_another_arm_has_as_many_columns_as_joints():
-    assert columns(2)[:5] == ('t', 'q1', 'q2', 'dq1', 'dq2')
-    assert len(columns(2)) == len(columns(7)) - 10
-
-
 def of_one(command: Command, reference: Reference) -> Recording:
     """The recording of a single tick, at 0.5 s."""
     recorder = MotionRecorder(command.state.model, T)
@@ -107,11 +102,6 @@ def test_a_motion_longer_than_a_block_keeps_the_order_of_its_ticks(model, tick):
     assert recording.finished
 
 
-def test_a_column_is_found_by_name(recording):
-    for index, name in enumerate(columns(7)):
-        assert (recording[name] == recording.data[:, index]).all()
-
-
 def test_a_vector_is_found_by_its_first_column(recording):
     assert recording.vectors('q1').shape == recording.vectors('dq1').shape == (50, 7)
     for names in ('q1 q2 q3 q4 q5 q6 q7', 'dq1 dq2 dq3 dq4 dq5 dq6 dq7', 'x y z', 'x_d y_d z_d'):
@@ -130,13 +120,6 @@ def test_a_file_read_back_gives_the_same_bits(recording, tmp_path):
     recording.write_csv(path)
     read = np.loadtxt(path, delimiter=',', skiprows=1)
     assert read.tobytes() == recording.data.tobytes()
-
-
-def test_a_file_is_headed_by_the_columns(recording, tmp_path):
-    recording.write_csv(tmp_path / 'motion.csv')
-    heading, *rows = (tmp_path / 'motion.csv').read_text().splitlines()
-    assert heading == COLUMNS
-    assert len(rows) == 50
 
 
 def test_a_recording_without_rows_has_a_heading_still(model, tmp_path):

@@ -71,30 +71,17 @@ class Case:
 
 @dataclass(frozen=True)
 class Result:
-    """The figures of one motion.
-
-    Attributes:
-        case: The motion.
-        effort: What it demanded of the arm; None if it could not be computed.
-        duration: Until the last point was reached [s].
-        time_lost: Part of it by which limits stretched the task [s].
-        path_deviation: Largest distance of the tip from its path [m].
-        closure: Distance of the joints' end from their start, where the path closes [rad]; NaN
-            elsewhere.
-        min_singular_value: The smallest one of the task Jacobian during the motion.
-        min_task_scaling: The smallest fraction of the task velocity that limits allowed.
-        error: Why there is no effort; empty if there is one.
-    """
+    """The figures of one motion."""
 
     case: Case
-    effort: Effort | None = None
-    duration: float = np.nan
-    time_lost: float = np.nan
-    path_deviation: float = np.nan
-    closure: float = np.nan
-    min_singular_value: float = np.nan
-    min_task_scaling: float = np.nan
-    error: str = ''
+    effort: Effort | None = None  # what it demanded of the arm; None if it could not be computed
+    duration: float = np.nan  # until the last point was reached [s]
+    time_lost: float = np.nan  # part of it by which limits stretched the task [s]
+    path_deviation: float = np.nan  # largest distance of the tip from its path [m]
+    closure: float = np.nan  # of the joints' end from their start, if the path closes [rad]
+    min_singular_value: float = np.nan  # of the task Jacobian
+    min_task_scaling: float = np.nan  # smallest fraction of the task velocity that limits allowed
+    error: str = ''  # why there is no effort
 
     @property
     def finished(self) -> bool:

@@ -13,31 +13,18 @@ _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 @dataclass(frozen=True)
 class Effort:
-    """What a motion demands of the arm.
+    """What a motion demands of the arm."""
 
-    Args:
-        acceleration: Largest norm [rad/s^2].
-        velocity: Largest norm [rad/s].
-        torque: Largest norm [Nm].
-        squared_acceleration: Integral of the squared norm over time [rad^2/s^3].
-        squared_torque: Integral of the squared norm over time [Nm^2 s].
-        kinetic_energy: Integral of 1/2 dq' M dq over time [J s].
-        elbow: Length of the elbow's path [m].
-        violation: The first joint that goes beyond a limit, how and when; empty for none.
-        finished: The last point was reached.
-        ending: How the motion ended, in words.
-    """
-
-    acceleration: float
-    velocity: float
-    torque: float
-    squared_acceleration: float
-    squared_torque: float
-    kinetic_energy: float
-    elbow: float
-    violation: str
-    finished: bool
-    ending: str
+    acceleration: float  # largest norm [rad/s^2]
+    velocity: float  # largest norm [rad/s]
+    torque: float  # largest norm [Nm]
+    squared_acceleration: float  # integral of the squared norm over time [rad^2/s^3]
+    squared_torque: float  # the same [Nm^2 s]
+    kinetic_energy: float  # integral of 1/2 dq' M dq over time [J s]
+    elbow: float  # length of the elbow's path [m]
+    violation: str  # the first joint that goes beyond a limit, how and when; empty for none
+    finished: bool  # whether the last point was reached
+    ending: str  # how the motion ended, in words
 
     @classmethod
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':

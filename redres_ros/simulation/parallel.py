@@ -23,10 +23,8 @@ def in_parallel(
 ) -> list[Result]:
     """The results of work(item), in the order of the items. Raises RedresError as `work` does.
 
-    Args:
-        work: Runs in copies of this process: any function will do. Its result is sent back.
-        items: Of any kind.
-        progress: Called with the fraction that is done.
+    It runs in copies of this process, so any function and any items will do; results are sent back.
+    `progress` is called with the fraction that is done.
     """
     with processes(len(items), (work, items)) as pool:
         futures = [pool.submit(_work_on, place) for place in range(len(items))]
@@ -38,11 +36,8 @@ def in_parallel(
 
 @contextmanager
 def processes(most: int, shared: Any = None) -> Iterator[Executor]:
-    """Worker processes, which are killed if the block ends by an exception, Ctrl-C included.
-
-    Args:
-        most: How many there are at most; there is never more than one for each processor.
-        shared: Goes to the workers with the copy of this process.
+    """At most so many worker processes, one for each processor, which are killed if the block ends
+    by an exception, Ctrl-C included. What is shared goes to them with the copy of this process.
     """
     workers = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context('fork')  # a copy has everything loaded already

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from redres_ros.errors import RedresError
-from redres_ros.files.processes import module_command, module_environment
+from redres_ros.files.processes import module_environment
 from redres_ros.robots import Arm
 
 if TYPE_CHECKING:  # the process that draws needs none of them
@@ -129,7 +129,7 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path, limit: float) -> st
     environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
     try:
         done = subprocess.run(
-            [*module_command(__spec__.name), job, pictures],
+            [sys.executable, __file__, job, pictures],
             env=environment,
             check=False,
             stdin=subprocess.DEVNULL,
