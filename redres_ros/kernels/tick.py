@@ -112,15 +112,24 @@ def widen(
             upper[k, i] = max(upper[k, i], value)
 
 
-@direct
-@compiled(_VECTOR(matrix(), matrix()))
 def rotation_error(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """The turn from A to B: the rotation vector of R = B A', (3,) [rad]; exactly zero for A = B.
+    """The turn from A to B, both (3, 3): the rotation vector of R = B A', (3,) [rad]; exactly zero
+    for A = B.
+    """
+    w = np.empty(3)
+    fill_rotation_error(1.0, A, B, w)
+    return w
+
+
+@direct
+@compiled(void(float64, matrix(), matrix(), _VECTOR))
+def fill_rotation_error(gain: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
+    """Write rotation_error(A, B), times a gain, into w (3,): in half the time of returning it.
 
     The axis is what is antisymmetric in R, and near half a turn, where that vanishes, the largest
     column of the symmetric part less cos(angle) I.
     """
-    w = np.zeros(3)  # becomes sin(angle) axis, half of what is antisymmetric
+    w[:] = 0.0  # becomes sin(angle) axis, half of what is antisymmetric
     trace = 0.0
     for j in range(3):
         w[0] += (A[1, j] * B[2, j] - A[2, j] * B[1, j]) / 2.0
@@ -132,8 +141,8 @@ def rotation_error(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     angle = np.arctan2(sine, cosine)
     if angle <= np.pi - _NEAR_HALF_A_TURN:
         for i in range(3):
-            w[i] *= angle / sine if sine > 0.0 else 1.0
-        return w
+            w[i] *= gain * angle / sine if sine > 0.0 else 1.0
+        return
     S = np.zeros((3, 3))  # becomes (R + R') / 2 - cos(angle) I = (1 - cos(angle)) axis axis'
     for i in range(3):
         S[i, i] -= cosine
@@ -147,5 +156,4 @@ def rotation_error(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     along = S[k, 0] * w[0] + S[k, 1] * w[1] + S[k, 2] * w[2]
     length = np.copysign(np.sqrt(S[k, 0] ** 2 + S[k, 1] ** 2 + S[k, 2] ** 2), along)
     for i in range(3):
-        w[i] = angle * S[k, i] / length
-    return w
+        w[i] = gain * angle * S[k, i] / length

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.kernels.tick import rotation_error
+from redres_ros.kernels.tick import fill_rotation_error, rotation_error
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
@@ -125,6 +125,11 @@ class Orientation(FrameTask):
 
     def error(self, state: RobotState) -> np.ndarray:
         return rotation_error(state.rotation(self.frame), self._desired)
+
+    def velocity(self, state: RobotState) -> TaskVelocity:
+        dx = np.empty(3)
+        fill_rotation_error(self.gain, state.rotation(self.frame), self._desired, dx)
+        return dx
 
     @cached_property
     def _desired(self) -> Rotation:
