@@ -1,35 +1,19 @@
-"""Pictures of an arm, rendered by MuJoCo off screen.
-
-They are drawn in a process of their own: MuJoCo chooses its GL library once and for all when it is
-imported, and a library that does not work may take the process with it.
-"""
+"""Pictures of an arm, rendered by MuJoCo off screen; for the scripts beside it."""
 
 import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
-from redres_ros.errors import RedresError
-from redres_ros.files.processes import module_environment
+os.environ.setdefault('MUJOCO_GL', 'egl')  # needs no display
+
+import mujoco
+
+from redres_ros import Recording, RobotModel, WaypointTask
 from redres_ros.robots import Arm
 
-if TYPE_CHECKING:  # the process that draws needs none of them
-    from redres_ros.planning.waypoints import WaypointTask
-    from redres_ros.robot_model import RobotModel
-    from redres_ros.simulation.recording import Recording
-
-# GL libraries that need no display, tried in this order unless MUJOCO_GL names one
-BACKENDS = ('egl', 'osmesa')
-_TIME_LIMIT = 120.0  # [s] for a film, and besides
-_TIME_FOR_EACH = 1.0  # [s] for each picture: without a graphics card one takes half a second
 # Where the camera looks [deg]: from the base frame's x towards y, and from the horizontal.
 AZIMUTH = 28.0
 ELEVATION = -14.0
@@ -46,10 +30,6 @@ _VIOLET = (0.56, 0.40, 0.72, 1.0)  # of the tool, which no path has
 _LINE = 0.007  # radius [m]
 _PATH = 200  # points of a path at most
 _POINT = 0.022  # radius [m]
-
-
-class RenderError(RedresError):
-    """No picture, as on a machine without a GL library that works off screen."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +52,7 @@ class Film:
 
     @classmethod
     def of(
-        cls, recording: 'Recording', model: 'RobotModel', task: 'WaypointTask', ticks: np.ndarray
+        cls, recording: Recording, model: RobotModel, task: WaypointTask, ticks: np.ndarray
     ) -> 'Film':
         """Pictures of a motion.
 
@@ -92,72 +72,13 @@ class Film:
 
 
 def render(arm: Arm, film: Film) -> np.ndarray:
-    """The arm at each q of a film, with the paths up to there.
-
-    Args:
-        arm: Arm to draw.
-        film: What it does, and which paths are drawn.
-
-    Returns:
-        (N, height, width, 3) uint8.
-
-    Raises:
-        RenderError: MuJoCo finds no renderer.
-    """
-    failures = []
-    limit = _TIME_LIMIT + _TIME_FOR_EACH * len(film.q)
-    with tempfile.TemporaryDirectory() as directory:
-        job = Path(directory, 'job.npz')
-        pictures = Path(directory, 'pictures.npy')
-        np.savez(
-            job, urdf=np.array(arm.description()), tip_frame=np.array(arm.tip_frame), **vars(film)
-        )
-        for backend in (os.environ['MUJOCO_GL'],) if os.environ.get('MUJOCO_GL') else BACKENDS:
-            failure = _draw_elsewhere(backend, job, pictures, limit)
-            if not failure:
-                return np.load(pictures)
-            failures.append(f'{backend}: {failure}')
-    raise RenderError(
-        f'MuJoCo cannot draw off screen here ({"; ".join(failures)}); '
-        'it needs a GL library such as libegl1 or libosmesa6'
-    )
-
-
-def _draw_elsewhere(backend: str, job: Path, pictures: Path, limit: float) -> str:
-    """Draw in another process within a time [s]; why that failed, empty if it did not."""
-    environment = {**module_environment(), 'MUJOCO_GL': backend}
-    environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
-    try:
-        done = subprocess.run(
-            [sys.executable, __file__, job, pictures],
-            env=environment,
-            check=False,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors='replace',
-            timeout=limit,
-        )
-    except subprocess.TimeoutExpired:
-        return f'took longer than {limit:g} s'
-    except OSError as error:
-        return str(error)
-    if done.returncode == 0:
-        return ''
-    lines = done.stderr.strip().splitlines()
-    return lines[-1] if lines else f'ended with status {done.returncode}'
-
-
-def _draw(job: Path, pictures: Path) -> None:
-    with np.load(job) as content:
-        film = Film(**{field.name: content[field.name] for field in fields(Film)})
-        model = _scene(str(content['urdf']), str(content['tip_frame']))
+    """The arm at each q of a film, with the paths up to there, (N, height, width, 3) uint8."""
+    model = _scene(arm.description(), arm.tip_frame)
     data = mujoco.MjData(model)
     width, height = _SIZE
     drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
     with mujoco.Renderer(model, height, width, max_geom=_SPARE + drawn) as renderer:
-        shots = [_shot(renderer, data, film, frame) for frame in range(len(film.q))]
-    np.save(pictures, shots)
+        return np.array([_shot(renderer, data, film, frame) for frame in range(len(film.q))])
 
 
 def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int) -> np.ndarray:
@@ -288,7 +209,3 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     headlight.ambient[:] = 0.4
     headlight.diffuse[:] = 0.3
     headlight.specular[:] = 0.1
-
-
-if __name__ == '__main__':
-    _draw(Path(sys.argv[1]), Path(sys.argv[2]))

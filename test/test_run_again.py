@@ -38,7 +38,9 @@ def state(run: VirtualRun) -> TaskState:
 
 def from_start(run: VirtualRun) -> float:
     """Distance of the joint farthest from the start of the task [rad]."""
-    distance: float = np.abs(run.nodes['sim']._robot.plant.q - run.nodes['planner']._task.start).max()
+    distance: float = np.abs(
+        run.nodes['sim']._robot.plant.q - run.nodes['planner']._task.start
+    ).max()
     return distance
 
 
