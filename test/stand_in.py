@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 from unittest import mock
 
 import numpy as np
@@ -158,13 +158,6 @@ class Habits:
     simulated: float = 0.0
 
 
-class Cycle(NamedTuple):
-    """A cycle of the hardware: what it holds, (n,) [rad], and how many commands came in it."""
-
-    held: np.ndarray
-    commands: int
-
-
 class StandIn:
     """A robot that follows its commands.
 
@@ -181,7 +174,6 @@ class StandIn:
         blocked: Joints that do not move, by index.
         hardware: Judges the commands that are written to the hardware, cycle by cycle.
         way: The commands that were written.
-        cycles: What the hardware held in each of its cycles.
     """
 
     def __init__(
@@ -196,8 +188,6 @@ class StandIn:
         self.q = q
         self.blocked: list[int] = []
         self.commands = 0
-        self.cycles: list[Cycle] = []  # of the hardware
-        self._in_this_cycle = 0
         self.complaints: list[str] = []
         self.way = [q]
         self.forwarding = True  # the forward_position_controller is active
@@ -256,7 +246,6 @@ class StandIn:
 
     def _on_command(self, message: Float64MultiArray) -> None:
         self.commands += 1
-        self._in_this_cycle += 1
         if not self.forwarding:
             return
         if len(message.data) != len(self._joints):
@@ -277,8 +266,6 @@ class StandIn:
     def _move(self) -> None:
         """The hardware goes on by a cycle."""
         self._cycle += 1
-        self.cycles.append(Cycle(self._written, self._in_this_cycle))
-        self._in_this_cycle = 0
         if self._is_new:
             self.hardware.enter_reference(round(1e9 * self._cycle * self._period), self._written)
             self._is_new = False

@@ -91,18 +91,6 @@ def test_going_off_stops_the_force_control_and_holds_the_arm() -> None:
         assert mode(run) is Mode.HOLDING
 
 
-def test_what_does_not_suit_is_refused_and_changes_nothing() -> None:
-    with table_below(100.0) as run:
-        before = run.nodes['controller']._sensors.contact.settings
-        for changes in (
-            {'admittance.damping': [1000.0]},
-            {'admittance.frame': 'nose'},
-            {'admittance.mass': [-1.0, 0.0, 0.0]},
-        ):
-            assert not run.set('controller', **changes)
-        assert run.nodes['controller']._sensors.contact.settings == before
-
-
 def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:
     with table_below(100.0) as run:
         assert run.set('sim', wrench_fault='bias')

@@ -11,7 +11,6 @@ from nightly import by_day
 
 from redres_ros.cli import main
 from redres_ros.nodes.entry import run_node
-from redres_ros.simulation.report import facts, print_tables
 
 pytestmark = pytest.mark.slow
 
@@ -77,11 +76,6 @@ def test_a_closed_output_is_reported_in_one_line(tmp_path):
     assert said.count('\n') == 1
 
 
-def test_a_table_that_nobody_wants_is_no_error(monkeypatch):
-    monkeypatch.setattr(sys, 'stdout', None)  # as Python leaves it where it was closed
-    print_tables(facts([('task', 'finished')]))
-
-
 def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
     status, said = shell(f'{REDRES} laws | true', tmp_path)
     assert (status, said) == (0, '')
@@ -110,14 +104,6 @@ def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_pat
     assert status == 1
     assert 'Traceback' not in said
     assert said.splitlines()[-1].startswith('redres demo: ')  # DDS may have had its say before
-
-
-@pytest.mark.nightly
-def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
-    one_law = 'compare --law minimum_velocity --period 0.02'
-    status, said = shell(f'{REDRES} {one_law}', tmp_path, MPLBACKEND='nonsense')
-    assert (status, said) == (0, '')
-    assert (tmp_path / 'redres_compare' / 'comparison.png').is_file()
 
 
 # --- files that never end -------------------------------------------------------------------------

@@ -113,14 +113,6 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
     assert ElementTree.fromstring(description).get('name') == 'fr3'
 
 
-def test_the_frames_are_those_of_the_arm_in_the_file_of_parameters(launch_file, tmp_path):
-    file = tmp_path / 'mine.yaml'
-    file.write_text('/**:\n  ros__parameters:\n    robot: fr3\n')
-    publisher = started(launch_file, params_file=str(file))['robot_state_publisher']
-    description = publisher.parameters[0]['robot_description']
-    assert ElementTree.fromstring(description).get('name') == 'fr3'
-
-
 def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
     nodes = started(launch_file, robot='fr3', sim='false', planner='false', rviz='true')
     assert nodes.keys() == {'controller', 'rviz2'}  # the driver publishes the frames
@@ -182,17 +174,6 @@ def test_composed_is_one_process_whose_nodes_keep_their_names(launch_file):
     values = {'law': 'minimum_velocity', 'task': 'table'}
     assert composed.parameters[1] == values
     assert not composed.arguments
-
-
-def test_beside_a_robot_composed_has_no_fake_arm(launch_file):
-    nodes = started(launch_file, composed='true', sim='false', robot='fr3')
-    assert nodes.keys() == {'composed'}
-    assert nodes['composed'].arguments == ['--no-sim']
-
-
-def test_only_the_fake_arm_publishes_the_description(launch_file):
-    remappings = dict(started(launch_file)['robot_state_publisher'].remappings)
-    assert remappings['robot_description'] != 'robot_description'
 
 
 def test_all_take_their_time_from_clock_if_the_file_or_the_argument_says_so(launch_file):

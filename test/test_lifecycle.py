@@ -97,14 +97,6 @@ class TestByServices:
         assert speeds[-1] < 0.01
         assert life(probe) == 'inactive'
 
-    def test_activated_it_goes_on_from_where_the_arm_is(self, probe: Probe) -> None:
-        self.come_to_rest(probe)
-        assert change(probe, Transition.TRANSITION_ACTIVATE)
-        moved = START + 0.05
-        q_ref, dq = probe.ask(moved)
-        assert q_ref == pytest.approx(moved, abs=1e-3)
-        assert np.abs(dq).max() < 0.1
-
     def test_a_transition_that_does_not_suit_is_refused_and_the_node_goes_on(
         self, probe: Probe
     ) -> None:

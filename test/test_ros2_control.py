@@ -249,22 +249,3 @@ def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: 
         now.advance(2.0)
         assert now.speed > 0.01
         now.robot.hardware.assert_followable()
-
-
-def test_a_cycle_shows_when_it_got_no_command_or_two(tmp_path: Path) -> None:
-    with scene(tmp_path, 500.0) as now:
-        teleoperate(now.graph, now.robot)
-        now.advance(1.0)
-        first = len(now.robot.cycles)
-        now.graph.faults[COMMANDS, 'robot'] = delayed_once(1.5 / now.rate)
-        now.advance(0.1)
-        cycles = now.robot.cycles[first:]
-    assert {0, 1, 2} == {cycle.commands for cycle in cycles}
-    [empty] = [k for k, cycle in enumerate(cycles) if cycle.commands == 0]
-    assert np.array_equal(cycles[empty].held, cycles[empty + 1].held)
-
-
-def delayed_once(seconds: float) -> Callable[[Any, float], list[tuple[float, Any]]]:
-    """A wire on which the first message takes so long, and others no time."""
-    delays = iter([seconds])
-    return lambda message, _: [(next(delays, 0.0), message)]

@@ -1,11 +1,8 @@
 """Topics for onlookers cost nothing while nobody looks."""
 
-import os
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
@@ -16,7 +13,6 @@ from own_ros import ros
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import LOOK_PERIOD, Telemetry
 
 
@@ -81,22 +77,3 @@ def test_nothing_is_made_any_more_when_the_last_listener_has_gone(speaker: Speak
     made = dict(speaker.made)
     speaker.speak_for(3.0 * LOOK_PERIOD)
     assert speaker.made == made
-
-
-@pytest.mark.nightly
-def test_a_pose_that_is_published_leaves_no_memory_behind() -> None:
-    x = np.array((0.1, 0.2, 0.3))
-    R = np.eye(3)
-    for _ in range(5_000):  # what is allocated once
-        to_pose(0, 'base', x, R)
-    before = resident()
-    for _ in range(200_000):
-        to_pose(0, 'base', x, R)
-    # pinocchio's Quaternion(R) left 80 bytes a call, of which free memory hides some megabytes
-    assert resident() - before < 4_000_000
-
-
-def resident() -> int:
-    """Memory of this process [bytes]."""
-    pages = int(Path('/proc/self/statm').read_text().split()[1])
-    return pages * os.sysconf('SC_PAGESIZE')

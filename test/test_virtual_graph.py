@@ -2,7 +2,6 @@
 
 from array import array
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import late, off
 
-from redres_ros.files.installation import share_path
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.planning.task_executor import TaskState
 
@@ -173,34 +171,6 @@ def test_no_text_of_others_gets_beyond_one_readable_line_of_a_log(resting: Virtu
     assert len(lines) >= 6
     assert all(line.isprintable() for line in lines)
     assert max(map(len, lines)) < 1200
-
-
-def test_a_point_out_of_reach_does_not_keep_the_task_waiting(tmp_path: Path) -> None:
-    text = share_path('config/tasks/rectangle.yaml').read_text(encoding='utf-8')
-    near = '[-0.4, -0.36, 1.16]'
-    assert near in text
-    task = tmp_path / 'far.yaml'
-    task.write_text(text.replace(near, '[-0.4, -0.46, 1.26]'), encoding='utf-8')
-    loop = {'rate': 100.0}
-    planner = {**loop, 'autostart': True, 'task': str(task)}
-    with virtual_run(sim=loop, controller=loop, planner=planner) as run:
-        run_of_task = run.nodes['planner']._run
-        assert run.run_until(lambda: run_of_task.state is TaskState.FINISHED, 20.0)
-        assert run.commanding
-
-
-def test_a_start_on_a_stopped_robot_is_refused_with_the_reason_and_the_remedy(
-    resting: VirtualRun,
-) -> None:
-    resting.nodes['sim']._session.stop('protective stop: for the test')
-    resting.run(0.1)
-    response = resting.graph.call('planner/start')
-    assert not response.success
-    assert 'protective stop: for the test' in response.message
-    assert 'sim/reset' in response.message
-    resting.graph.call('sim/reset')
-    assert resting.run_until(lambda: resting.commanding, 2.0)
-    assert resting.graph.call('planner/start').success
 
 
 def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(
