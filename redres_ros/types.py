@@ -30,6 +30,7 @@ RotationVector = Annotated[np.ndarray, '(3,) [rad]']
 Quaternion = Annotated[np.ndarray, '(4,), as x, y, z, w']
 Velocity = Annotated[np.ndarray, '(3,) [m/s]']
 Twist = Annotated[np.ndarray, '(6,) [m/s], then [rad/s]']
+Force = Annotated[np.ndarray, '(3,) [N]']
 Wrench = Annotated[np.ndarray, '(6,) [N], then [Nm]']
 
 Seconds = Annotated[float, '[s]']

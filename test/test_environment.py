@@ -23,10 +23,10 @@ def plant_at(shape: str, **settings: Any) -> MujocoPlant:
     return MujocoPlant(MODEL.arm, T, Q0, environment=environment)
 
 
-def moved(plant: MujocoPlant, way: tuple[float, float, float]) -> np.ndarray:
+def moved(plant: MujocoPlant, path: tuple[float, float, float]) -> np.ndarray:
     """The force on the tip in the base frame (3,) [N] once its reference has moved (3,) [m]."""
     J = MODEL.jacobian(Q0, MODEL.arm.tip_frame)
-    dq = np.linalg.pinv(J) @ np.concatenate((way, np.zeros(3)))
+    dq = np.linalg.pinv(J) @ np.concatenate((path, np.zeros(3)))
     for k in range(1, 501):
         plant.step(Q0 + min(k / 100.0, 1.0) * dq)
     _, R = MODEL.tip(plant.q)

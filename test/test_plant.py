@@ -28,13 +28,13 @@ def quintic(s: np.ndarray) -> np.ndarray:
 
 
 def move(
-    plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0
+    plant: MujocoPlant, motion: np.ndarray, duration: float, rest: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """References and measured positions, both (N, 7), of a motion from rest to rest and some time
     after it [s].
     """
     times = np.arange(1, round((duration + rest) / T) + 1) * T
-    references = plant.q + quintic(times / duration)[:, None] * way
+    references = plant.q + quintic(times / duration)[:, None] * motion
     measured = []
     for reference in references:
         plant.step(reference)
@@ -108,12 +108,12 @@ def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second():
     arm = find_arm('lwr4')
     reference = ReferenceModel(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
-    wanted, reached = (
+    desired, reached = (
         np.array([reference.kinematics(q)[0] for q in positions])
         for positions in (references, measured)
     )
-    assert np.linalg.norm(np.diff(wanted, axis=0), axis=1).max() / T > 0.5
-    assert np.linalg.norm(wanted - reached, axis=1).max() < 1e-5  # 90 um without feed-forward
+    assert np.linalg.norm(np.diff(desired, axis=0), axis=1).max() / T > 0.5
+    assert np.linalg.norm(desired - reached, axis=1).max() < 1e-5  # 90 um without feed-forward
 
 
 def test_after_a_motion_the_arm_settles_without_oscillation():

@@ -1,4 +1,4 @@
-"""The profile `fci`: each of libfranka's reflexes on joint motions, and the way out of them.
+"""The profile `fci`: each of libfranka's reflexes on joint motions, and how to recover from them.
 
 A Franka arm at 1000 Hz, whose client commands a motion that each test continues in its own way.
 """

@@ -158,7 +158,12 @@ class FaultyPlant:
         self._faults = faults
 
     def check(self, faults: Faults) -> None:
-        """Raise an error for a frozen joint or a pushed link that the arm does not have."""
+        """Refuse faults of parts that the arm does not have.
+
+        Raises:
+            RangeError: No such frozen joint.
+            UnknownNameError: No such pushed link.
+        """
         links = self._plant.links
         if faults.push_link and links and faults.push_link not in links:
             raise UnknownNameError('link', faults.push_link, links)

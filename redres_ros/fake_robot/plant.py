@@ -15,6 +15,7 @@ from redres_ros.fake_robot.mujoco_arm import (
 )
 from redres_ros.robots import Arm
 from redres_ros.types import (
+    Force,
     JointAccelerations,
     JointPositions,
     JointTorques,
@@ -54,7 +55,7 @@ class IdealPlant:
         self._dq = (q_ref - self._q) / self.period
         self._q = np.array(q_ref, dtype=np.float64)
 
-    def push(self, force: np.ndarray, link: str = '') -> None:
+    def push(self, force: Force, link: str = '') -> None:
         """Do nothing."""
 
     @property
@@ -73,7 +74,7 @@ class _Force(NamedTuple):
 
     body: int
     point: Position
-    force: np.ndarray  # (3,) [N]
+    force: Force
 
 
 class MujocoPlant:
@@ -84,16 +85,14 @@ class MujocoPlant:
     torque of Eq. (6) for its acceleration. Gravity is compensated at every plant step; what is left
     is left to the servos. All stay within the URDF's effort limits, joints within their range.
 
-    The servos are scaled to the arm instead of having one stiffness for all joints: without rotor
-    inertias the last joint has a thousandth of the first one's. With k = D w^2 and d = 2 D w, where
-    w is the bandwidth [rad/s] and D bounds the inertia matrix, no mode is ever underdamped. At
-    w = 100 the tip follows the paper's task to 1 um, and to 0.12 mm where a joint jumps, as the law
-    of least velocity asks of it beside the stretched arm.
+    With k = D w^2 and d = 2 D w, where w is the bandwidth of the servos [rad/s] and D bounds the
+    inertia matrix, no mode is ever underdamped. At w = 100 the tip follows the paper's task to
+    1 um, and to 0.12 mm where a joint jumps.
 
     Raises:
-        RedresError: If the period is not a whole number of plant steps.
-        FileError: If MuJoCo cannot use the URDF.
-        UnknownNameError: If the URDF lacks the tip frame.
+        RedresError: The period is not a whole number of plant steps.
+        FileError: MuJoCo cannot use the URDF.
+        UnknownNameError: The URDF lacks the tip frame.
         ArrayError: A start of another length, or one that is not finite.
         RangeError: A start outside the limits.
     """
@@ -140,9 +139,9 @@ class MujocoPlant:
         self._reference = np.array(q_ref, dtype=np.float64)
         self._velocity = velocity
 
-    def push(self, force: np.ndarray, link: str = '') -> None:
-        """Push a link at its origin, '' for the tip, until the next call; force (3,) [N] in the
-        base frame.
+    def push(self, force: Force, link: str = '') -> None:
+        """Push a link at its origin, '' for the tip, until the next call, by a force in the base
+        frame.
         """
         data = self._data
         body = self._model.body(link).id if link else self._tip

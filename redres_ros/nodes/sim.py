@@ -49,6 +49,7 @@ from redres_ros.types import Nanoseconds, Seconds
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the
 # processor.
 _HEADSTART = 0.5
+_LOOK = 0.1  # [s] between counts of the publishers of commands
 _ASK_AGAIN = 0.05  # [s] after which a state without a command is sent again: it may be lost
 
 
@@ -146,7 +147,7 @@ class SimNode(ManagedNode):
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         show_obstacles(self, base_frame, touched, 'contact')
-        self.create_timer(0.1, self._count_commanders, clock=STEADY)
+        self.create_timer(_LOOK, self._look, clock=STEADY)
         on_live_change(self, self._check_faults, self._set_faults)
 
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
@@ -278,7 +279,7 @@ class SimNode(ManagedNode):
     def _begin(self) -> None:
         self._reset_requested = True
 
-    def _count_commanders(self) -> None:
+    def _look(self) -> None:
         self._receiver.publishers = self.count_publishers('joint_command')
 
     def _check_faults(self, changes: dict[str, Any]) -> None:
@@ -294,13 +295,11 @@ class SimNode(ManagedNode):
 
     def _report_refusals(self) -> None:
         refused = self._session.command_error
-        if refused is self._reported_refusal:
-            return
-        self._reported_refusal = refused
-        if refused:
-            self._refusals.refuse('joint_command', refused)
-        else:
+        if refused is None:
             self._refusals.accept('joint_command')
+        elif refused is not self._reported_refusal:
+            self._reported_refusal = refused
+            self._refusals.refuse('joint_command', refused)
 
     def _health(self) -> Health:
         session = self._session

@@ -141,7 +141,12 @@ class Arm:
         return Kinematics(self.description(), self.tip_frame, self.source)
 
     def bodies(self) -> Bodies:
-        """The capsules that must not collide. Raises as `description`."""
+        """The capsules that must not collide.
+
+        Raises:
+            ArrayError: Radii for other links.
+            As `description`.
+        """
         kinematics = self.kinematics()
         radius = self.body_radius or (_DEFAULT_RADIUS,) * (kinematics.n + 1)
         if len(radius) != kinematics.n + 1:

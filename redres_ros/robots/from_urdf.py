@@ -106,7 +106,7 @@ def _last_link(source: Path | str) -> str:
 
 
 def _middle_joint(kinematics: Kinematics) -> str:
-    """The link of the joint nearest to the middle of the way from the first joint to the tip."""
+    """The link of the joint nearest to the middle of the arm, along its links."""
     along = np.cumsum(np.linalg.norm(kinematics.offsets, axis=1))  # (n,) [m], the tip last
     from_middle = np.abs(np.concatenate(([0.0], along[:-1])) - along[-1] / 2.0)
     return kinematics.joints[kinematics.leading[int(np.argmin(from_middle))]].link
