@@ -19,7 +19,7 @@ from redres_ros.resolution import Level, Solution, Weight, resolve_in_order, res
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import brake_before_end, escape, locked
 from redres_ros.tasks import TASKS, Configuration, Task
-from redres_ros.types import Jacobian, JointVelocities, Seconds, TaskVelocity
+from redres_ros.types import JointVelocities, Seconds, TaskVelocity
 
 if TYPE_CHECKING:
     from redres_ros.limits import Limits
@@ -80,9 +80,9 @@ class Policy:
         rates = dx
         if scale is not None:
             rows, rates = scaled(J, dx, scale)
-        levels: Sequence[Level] = ()
+        levels: list[Level] = []
         if self.secondary_tasks:
-            levels = self._levels(rows, rates, state)
+            levels = [(rows, rates), *(each.level(state) for each in self.secondary_tasks)]
             dq, damped = resolve_in_order(levels, b, W)
         else:
             dq, damped = resolve_one(rows, rates, b, W)
@@ -178,14 +178,6 @@ class Policy:
     def for_joints(self) -> 'Policy':
         """The same with all joints as the first task, which leaves no null space."""
         return Policy(self.law, Configuration(), limits=self.limits)
-
-    def _levels(self, J: Jacobian, dx: TaskVelocity, state: RobotState) -> list[Level]:
-        """The tasks in order, with comparable rows; J and dx are those of the first one."""
-        levels = [(J, dx)]
-        for task in self.secondary_tasks:
-            scale = task.row_scale(state.model)
-            levels.append(scaled(task.jacobian(state), task.velocity(state), scale))
-        return levels
 
     def _components(self, state: RobotState) -> tuple[int, ...]:
         """Number of rows of each component that is scaled separately."""
@@ -341,20 +333,11 @@ def make_policy(
     scaling: str = 'task',
     gains: Mapping[str, Any] = MappingProxyType({}),
 ) -> Policy:
-    """A policy from names and gains.
+    """A policy from names in the tables, or objects, and from gains by their keys.
 
-    Args:
-        model: The arm.
-        law: A name in LAWS, or a law.
-        task: The first task: a name in TASKS, or a task.
-        limits: Names in LIMITS, or limits.
-        limit_scale: Factor on the arm's velocity and acceleration limits.
-        torque_scale: Factor on its torque limits.
-        preferences: Names in PREFERENCES, or preferences.
-        secondary_tasks: Names in TASKS, or tasks, in order of priority.
-        scaling: One of SCALING: what limits scale.
-        gains: Gains of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those
-            of building blocks that are not in use do nothing.
+    Scales are factors on the arm's velocity and acceleration limits, and on its torque limits.
+    Gains are of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
+    building blocks that are not in use do nothing.
 
     Raises:
         UnknownNameError: A name that is in no table.

@@ -228,28 +228,11 @@ class RobotModel:
         return self.arm.elbow_frame
 
     @classmethod
-    def named(
-        cls,
-        name: str,
-        *,
-        dynamics: str | None = None,
-        base_offset: float | None = None,
-        tool_offset: float | None = None,
-    ) -> 'RobotModel':
-        """The arm of that name in ARMS; None stands for the arm's own value.
-
-        Args:
-            name: Name of the arm.
-            dynamics: 'identified' or 'cylinders'.
-            base_offset: Height of the arm above its root link [m].
-            tool_offset: Offset of the tip from the flange [m].
-
-        Raises:
-            UnknownNameError: No arm, or no dynamics, has that name.
+    def named(cls, name: str, **changes: object) -> 'RobotModel':
+        """The arm of that name in ARMS, also with other values of its fields, such as dynamics
+        ('identified' or 'cylinders') or tool_offset. Raises as find_arm().
         """
-        return cls(
-            find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset)
-        )
+        return cls(find_arm(name, **changes))
 
     @classmethod
     def from_urdf(
@@ -261,15 +244,11 @@ class RobotModel:
         acceleration_limit: Sequence[float] = (),
         effort_limit: Sequence[float] = (),
     ) -> 'RobotModel':
-        """Any serial arm from a URDF or xacro file.
+        """Any serial arm from a URDF or xacro file; the tip is the link that carries out the task.
 
-        Args:
-            path: The file.
-            tip_frame: The link that carries out the task.
-            elbow_frame: The link whose origin counts as the elbow; empty: that of the joint in the
-                middle of the arm.
-            acceleration_limit: Of each joint [rad/s^2]; empty: an assumption, see `arm.remarks()`.
-            effort_limit: Of each joint [Nm]; empty: that of the URDF.
+        The elbow is a link, or that of the joint in the middle of the arm. Limits are those of each
+        joint [rad/s^2], [Nm]; without them efforts are those of the URDF, accelerations an
+        assumption, see `arm.remarks()`. Raises as arm_from_urdf().
         """
         arm = arm_from_urdf(
             Path(path),

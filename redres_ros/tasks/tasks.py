@@ -13,6 +13,7 @@ import numpy as np
 from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.kernels.tick import fill_rotation_error, rotation_error
 from redres_ros.parameter import check_parameters, param
+from redres_ros.resolution import Level, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
 from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity
@@ -60,6 +61,10 @@ class Task(ABC):
     def velocity(self, state: RobotState) -> TaskVelocity:
         """dx = k e."""
         return self.gain * self.error(state)
+
+    def level(self, state: RobotState) -> Level:
+        """J and dx with comparable rows."""
+        return scaled(self.jacobian(state), self.velocity(state), self.row_scale(state.model))
 
     def derivatives(self, state: RobotState) -> JacobianDerivatives | None:
         """By which the arm finds the escape direction from a singularity.
