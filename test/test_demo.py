@@ -20,7 +20,7 @@ from graph_helpers import PATIENCE, await_that, graph, is_running
 from nightly import NIGHTLY
 
 from redres_ros.controller import Controller
-from redres_ros.demo.demo import Demo, Ending
+from redres_ros.demo.demo import Demo
 from redres_ros.demo.processes import DemoOptions
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
@@ -294,8 +294,8 @@ def test_a_run_that_is_interrupted_before_the_nodes_publish_has_no_motion(tmp_pa
     model = RobotModel.named('lwr4_paper')
     options = DemoOptions(name, 'minimum_velocity', 500.0)
     early = Demo(options, load_task(name), model, make_law, tmp_path)
-    outcome = early.outcome(Ending(None, interrupted=True))
-    assert outcome.motion is None and outcome.interrupted
+    outcome = early.outcome()
+    assert outcome.motion is None and outcome.ending == 'NOT finished'
 
 
 @pytest.mark.nightly

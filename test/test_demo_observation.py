@@ -1,5 +1,6 @@
 """From the nodes' messages to a table and a summary."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from redres_ros.demo.observation import (
     count_cycles,
     replay,
 )
-from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome, PressingFigures
+from redres_ros.demo.outcome import Outcome, motion_values, pressing_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law
 from redres_ros.nodes.topics import REASON, TASK_STATE
@@ -223,17 +224,19 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
 ) -> None:
     recording, _, _ = rows_and_log
     task = load_task('rectangle')
-    motion = MotionFigures.of(recording, task, 0.1)
-    assert motion.error[0] == recording['task_error'].max()
+    motion = motion_values(recording, task, 0.1)
+    assert motion['error'][0] == recording['task_error'].max()
     # From a path along y.
     path_deviation = recording.vectors('x')[:, (0, 2)] - task.waypoints[0, (0, 2)]
-    assert motion.path_deviation[0] == pytest.approx(np.linalg.norm(path_deviation, axis=1).max())
-    assert motion.seconds == pytest.approx(199 * T)
+    assert motion['path_deviation'][0] == pytest.approx(
+        np.linalg.norm(path_deviation, axis=1).max()
+    )
+    assert motion['seconds'] == pytest.approx(199 * T)
     dq = recording.vectors('dq1')
-    assert motion.jump == pytest.approx(np.abs(np.diff(dq[:51], axis=0, prepend=0.0)).max())
+    assert motion['jump'] == pytest.approx(np.abs(np.diff(dq[:51], axis=0, prepend=0.0)).max())
     still = recording['joint_velocity_norm'] <= 1e-4
-    assert motion.still == pytest.approx(T * still.sum())
-    assert motion.delay == pytest.approx(recording['t'][np.argmin(still)])
+    assert motion['still'] == pytest.approx(T * still.sum())
+    assert motion['delay'] == pytest.approx(recording['t'][np.argmin(still)])
 
 
 def test_a_force_is_judged_from_a_second_after_the_first_touch_on() -> None:
@@ -241,23 +244,27 @@ def test_a_force_is_judged_from_a_second_after_the_first_touch_on() -> None:
     forces = np.zeros((len(t), 4))
     forces[:, 0] = t
     forces[:, 3] = (0.0, 30.0, 25.0, 21.0, 0.0, 20.0)
-    pressing = PressingFigures.of(forces, np.array((0.0, 0.0, 20.0)))
-    assert pressing is not None
-    assert (pressing.peak, pressing.largest, pressing.contact_lost) == (30.0, 20.0, 1)
-    assert pressing.rms == pytest.approx(np.sqrt((1.0 + 400.0) / 3.0))
-    assert PressingFigures.of(forces[:2], np.array((0.0, 0.0, 20.0))) is None
+    pressing = pressing_values(forces, (0.0, 0.0, 20.0))
+    assert pressing == {
+        'rms': pytest.approx(np.sqrt((1.0 + 400.0) / 3.0)),
+        'largest': 20.0,
+        'peak': 30.0,
+        'contact_lost': 1,
+    }
+    assert pressing_values(forces[:2], (0.0, 0.0, 20.0)) is None
+    assert pressing_values(forces, ()) is None
 
 
 def test_a_run_that_ended_early_or_in_which_a_node_grew_did_not_succeed() -> None:
     empty = np.zeros((0, len(columns(7))))
     finished = Recording(empty, 7, T, True, '')
-    good: dict[str, Any] = {'motion': None, 'cycles': None, 'session': (), 'stop_reason': ''}
-    assert Outcome(finished, **good).succeeded
-    assert not Outcome(Recording(empty, 7, T, False, ''), **good).succeeded
-    assert not Outcome(finished, **{**good, 'stop_reason': 'a reason'}).succeeded
-    assert not Outcome(finished, **good, interrupted=True).succeeded
-    grown = Endurance(2, 8.0, {'sim': (100.0, 106.0)})
-    assert not Outcome(finished, **good, endurance=grown).succeeded
+    unfinished = replace(finished, finished=False)
+    grown = {'rounds': 2, 'seconds': 8.0, 'memory': {'sim': (100.0, 106.0)}}
+    assert Outcome(finished, '', ()).ending == 'finished'
+    assert Outcome(unfinished, '', ()).ending == 'NOT finished'
+    assert Outcome(finished, 'a reason', ()).ending == 'NOT finished'
+    assert Outcome(finished, '', (), interrupted=True).ending == 'interrupted'
+    assert Outcome(finished, '', (), endurance=grown).ending == 'finished, but a node has grown'
 
 
 @pytest.mark.parametrize(('waited_for', 'is_noted'), [(10, False), (2000, True)])
@@ -267,6 +274,6 @@ def test_late_commands_are_put_down_to_a_busy_computer(
     in_time = 4000 - waited_for
     cycles = {'in_time': in_time, 'waited_for': waited_for, 'late': 0, 'missed': 0}
     recording = Recording(np.zeros((0, len(columns(7)))), 7, T, True, '')
-    outcome = Outcome(recording, None, {**cycles, 'stood_still': 1.0}, stop_reason='', session=())
+    outcome = Outcome(recording, '', (), cycles={**cycles, 'stood_still': 1.0})
     print_tables(outcome.table('title'))
     assert ('this computer was busy' in capsys.readouterr().out) == is_noted

@@ -16,9 +16,9 @@ PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'li
 
 
 def outcome(**given: Any) -> Any:
-    motion = SimpleNamespace(path_deviation=(0.0004, 3.0), acceleration=(8.7, 7.3))
-    usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'succeeded': True}
-    return SimpleNamespace(**{'forces': np.zeros((0, 4)), 'goals': None, **usual, **given})
+    motion = {'path_deviation': (0.0004, 3.0), 'acceleration': (8.7, 7.3)}
+    usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'ending': 'finished'}
+    return SimpleNamespace(**{'forces': np.zeros((0, 4)), **usual, **given})
 
 
 def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel) -> None:
@@ -33,8 +33,8 @@ def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel)
     [
         ({}, ('finished the task', '0.4 mm', '8.7 rad/s²', 'minimum_velocity')),
         ({'forces': np.array([(2.0, 0.0, 0.0, -21.5)])}, ('finished the task', '21.5 N')),
-        ({'stop_reason': 'acceleration of A1', 'succeeded': False}, ('stopped', 'limits')),
-        ({'stop_reason': 'timing: 6 missed', 'succeeded': False}, ('too busy', '--lockstep')),
+        ({'stop_reason': 'acceleration of A1', 'ending': 'NOT finished'}, ('stopped', 'limits')),
+        ({'stop_reason': 'timing: 6 missed', 'ending': 'NOT finished'}, ('too busy', '--lockstep')),
     ],
 )
 def test_after_it_says_what_came_of_it_and_what_to_try_next(
@@ -44,7 +44,9 @@ def test_after_it_says_what_came_of_it_and_what_to_try_next(
     assert all(word in said for word in words)
 
 
-@pytest.mark.parametrize('given', [{'interrupted': True}, {'motion': None}, {'succeeded': False}])
+@pytest.mark.parametrize(
+    'given', [{'interrupted': True}, {'motion': None}, {'ending': 'NOT finished'}]
+)
 def test_where_there_is_nothing_to_learn_it_says_nothing(given: dict[str, Any]) -> None:
     assert after(outcome(**given), PAPERS, 'lwr4_paper') == ''
 

@@ -16,7 +16,7 @@ from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
-    from redres_ros.demo.outcome import MotionFigures, Outcome
+    from redres_ros.demo.outcome import Outcome
     from redres_ros.demo.processes import DemoOptions
     from redres_ros.robot_model import RobotModel
 
@@ -79,17 +79,17 @@ def _demo(options: argparse.Namespace) -> int:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
-        ending = demo.run(progress, _say)
-    if ending.interrupted:
+        demo.run(progress, _say)
+    if demo.interrupted:
         print(f'ended; results go to {options.out}, unless Ctrl-C comes again', flush=True)
     # No process is left to end, and a library would turn the exception into another error.
     with handled(_end_at_once, signal.SIGINT, signal.SIGTERM):
-        outcome = demo.outcome(ending)
+        outcome = demo.outcome()
         _write_results(outcome, demo, options)
         _say(after(outcome, demo.options, demo.task.robot))
     if outcome.interrupted:
         return 130
-    return 0 if outcome.succeeded else 1
+    return 0 if outcome.ending == 'finished' else 1
 
 
 def _make_demo(options: argparse.Namespace) -> 'Demo':
@@ -217,11 +217,11 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
         if is_papers and options.law == 'minimum_velocity':
             text += ' --law minimum_acceleration passes smoothly.'
         return text
-    if not outcome.succeeded:
+    if outcome.ending != 'finished':
         return ''
-    acceleration, at = outcome.motion.acceleration
+    acceleration, at = outcome.motion['acceleration']
     text = (
-        f'The arm finished the task, {_how_well(outcome, outcome.motion)}. '
+        f'The arm finished the task, {_how_well(outcome, outcome.motion["path_deviation"][0])}. '
         f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
     )
     if is_papers and options.law != 'minimum_velocity':
@@ -232,14 +232,14 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
     return text
 
 
-def _how_well(outcome: 'Outcome', motion: 'MotionFigures') -> str:
+def _how_well(outcome: 'Outcome', path_deviation: float) -> str:
     """How far the tip was from its path; in contact, where it yields, the force instead."""
     import numpy as np
 
     forces = np.linalg.norm(outcome.forces[:, 1:], axis=1)
     if forces.any():
         return f'pressing with {np.median(forces[forces > 0.0]):.1f} N (median) while it touched'
-    return f'at most {1e3 * motion.path_deviation[0]:.1f} mm off its path'
+    return f'at most {1e3 * path_deviation:.1f} mm off its path'
 
 
 def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:

@@ -2,16 +2,16 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 
 from redres_ros.demo.observation import Log, count_cycles, replay
-from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
+from redres_ros.demo.outcome import Outcome, motion_values, pressing_values
 from redres_ros.demo.processes import DemoOptions, NodeGroup
 from redres_ros.errors import RedresError
 from redres_ros.graph.client import CallError
@@ -43,14 +43,6 @@ _RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
 
 class DemoError(RedresError):
     """A run that could not begin, or failed."""
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended: with the figures of a repeated task, by Ctrl-C."""
-
-    endurance: Endurance | None
-    interrupted: bool
 
 
 class _DemoMonitor(GraphMonitor):
@@ -91,6 +83,9 @@ class Demo:
         law: Gives the law of a name, with the gains of the run.
         out: Directory for what the nodes print.
 
+    Attributes:
+        interrupted: Whether Ctrl-C has ended it.
+
     Raises:
         UnknownNameError, RangeError: A law, damping or rate that the nodes would refuse.
     """
@@ -116,6 +111,8 @@ class Demo:
         self._log = Log(model.joint_names)
         self._report: Callable[[str], None] = print
         self._page = ''  # where it is served
+        self._endurance: dict[str, Any] | None = None
+        self.interrupted = False
 
     @property
     def title(self) -> str:
@@ -126,32 +123,27 @@ class Demo:
             title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting_factor(self._T):g}'
         return title
 
-    def run(self, progress: Callable[[float], None], report: Callable[[str], None]) -> Ending:
+    def run(self, progress: Callable[[float], None], report: Callable[[str], None]) -> None:
         """Run from the start of the processes to their end; Ctrl-C ends it early.
 
         Args:
             progress: Called with the fraction done, 0 to 1.
             report: Takes a line for the user.
 
-        Returns:
-            How it ended; outcome() has the result.
-
         Raises:
             DemoError, GraphError, CallError: A node does not run, respond, or take a command.
         """
         self._report = report
-        endurance = None
         try:
             with spun(partial(_DemoMonitor, self._log)) as monitor, self._node_group.running():
                 self._await_robot(monitor)
                 self._run_task(monitor, progress)
                 if self.options.duration:
-                    endurance = self._repeat(monitor, progress)
+                    self._repeat(monitor, progress)
                 if self.options.page is not None:
                     self._stay(monitor)
         except KeyboardInterrupt:
-            return Ending(endurance, interrupted=True)
-        return Ending(endurance, interrupted=False)
+            self.interrupted = True
 
     def _await_robot(self, monitor: _DemoMonitor) -> None:
         until = time.monotonic() + START_PATIENCE
@@ -215,7 +207,7 @@ class Demo:
                     refusal = f': {error}'
             time.sleep(_LOOK if is_granted else _ASK_AGAIN)
 
-    def _repeat(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> Endurance:
+    def _repeat(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> None:
         """Repeat the task, each round from where the last one ended."""
         before = {node.name: node.memory() for node in self._node_group.nodes}
         duration = self.options.duration
@@ -229,7 +221,7 @@ class Demo:
             self._run_task(monitor, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
         memory = {node.name: (before[node.name], node.memory()) for node in self._node_group.nodes}
-        return Endurance(rounds, seconds(), memory)
+        self._endurance = {'rounds': rounds, 'seconds': seconds(), 'memory': memory}
 
     def _stay(self, monitor: _DemoMonitor) -> None:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
@@ -253,7 +245,7 @@ class Demo:
         if self._log.newest and time.monotonic() - monitor.newest_at > _SILENCE:
             raise DemoError(f'no state from the robot for {_SILENCE:g} s; see {self._out}/*.log')
 
-    def outcome(self, ending: Ending) -> Outcome:
+    def outcome(self) -> Outcome:
         """The outcome of the run."""
         log = self._log
         pose = self.options.parameters.get('task_space') == 'pose'
@@ -265,24 +257,26 @@ class Demo:
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
-            motion = MotionFigures.of(recording, self.task, error)
+            motion = motion_values(recording, self.task, error)
             period = np.inf if self.options.lockstep else self._T
             cycles = count_cycles(log, period, stamps[0], stamps[-1])
-        forces = [
+        rows = [
             ((stamp - stamps[0]) / 1e9, *(self.model.tip(log.states[stamp])[1] @ log.forces[stamp]))
             for stamp in stamps
             if stamp in log.forces
         ]
+        forces = np.array(rows).reshape(-1, 4)
+        desired_force = self.task.nodes.get('controller', {}).get('admittance.force', ())
         return Outcome(
             recording,
+            reason,
+            log.words(SESSION),
             motion,
+            pressing_values(forces, desired_force),
             cycles,
-            stop_reason=reason,
-            session=log.words(SESSION),
+            self._endurance,
             planner_missed=len(set(stamps) - log.desired.keys()),
             switches=log.switches(),
-            endurance=ending.endurance,
-            interrupted=ending.interrupted,
-            forces=np.array(forces).reshape(-1, 4),
-            desired_force=self.task.nodes.get('controller', {}).get('admittance.force', ()),
+            interrupted=self.interrupted,
+            forces=forces,
         )
