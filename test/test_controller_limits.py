@@ -2,7 +2,6 @@
 
 import sys
 from collections import Counter
-from itertools import combinations
 from types import FrameType
 
 import numpy as np
@@ -16,15 +15,12 @@ from redres_ros import (
     make_law,
 )
 from redres_ros.errors import DivergedError, UnknownNameError
-from redres_ros.limits import LIMITS
-from redres_ros.planning.planner import Planner
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
-COMBINATIONS = [names for count in range(1, 6) for names in combinations(LIMITS, count)]
 EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 
 
@@ -70,19 +66,6 @@ def test_after_missed_cycles_the_acceleration_is_kept_still(model, task, missed)
     second = controller.update(task.start, -FAST, missed)
     change = np.abs(second.dq - first.dq) / T
     assert (change <= acceleration_limit(model) * (1.0 + ROUNDING)).all()
-
-
-def test_lower_tasks_give_way_before_the_first(model, task):
-    controller = controller_of(
-        model, limits=BOX, limit_scale=0.3, secondary_tasks=('orientation',), task='position'
-    )
-    planner = Planner(task)
-    q = task.start
-    for k in range(500):
-        dx = planner.reference(model.tip(q)[0], k * T).dx
-        command = controller.update(q, dx)
-        assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
-        q = command.q_ref
 
 
 # --- holding --------------------------------------------------------------------------------------
