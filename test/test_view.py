@@ -41,11 +41,9 @@ from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.robots.kinematics import BASE
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.colours import law_colour
 from redres_ros.view import panel
 from redres_ros.view import server as serving
 from redres_ros.view.controls import Bindings
-from redres_ros.view.panel import Plots
 from redres_ros.view.scene import shapes_of, write_page
 
 T = 0.002  # [s]
@@ -291,27 +289,6 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
     bindings.set(SimpleNamespace(client=client), 'controller', {'law': 'minimum_velocity'})
     assert shown == ['minimum_torque'] and reported == ['controller refused']
-
-
-def test_the_plots_of_a_page_have_the_colour_of_the_law_in_force() -> None:
-    class Gui:
-        """Keeps the curves of each plot."""
-
-        def __init__(self) -> None:
-            self.plots: list[SimpleNamespace] = []
-
-        def add_uplot(self, data: object, series: object, **_: object) -> SimpleNamespace:
-            self.plots.append(SimpleNamespace(series=series))
-            return self.plots[-1]
-
-    def colours() -> set[str]:
-        return {plot.series[1]['stroke'] for plot in gui.plots}
-
-    gui = Gui()
-    plots = Plots(gui, 'minimum_velocity')
-    assert colours() == {law_colour('minimum_velocity')}
-    plots.set_law('minimum_torque')
-    assert colours() == {law_colour('minimum_torque')}
 
 
 # --- beside a running graph -----------------------------------------------------------------------
