@@ -184,26 +184,6 @@ def test_too_high_an_acceleration_ends_in_a_protective_stop():
     assert (np.abs(moved - SPEED**2 / (2.0 * LIMITS.acceleration)) <= np.abs(SPEED) * T).all()
 
 
-def test_too_high_a_velocity_is_limited_and_not_stopped():
-    robot = make_robot()
-    fast = 1.2 * LIMITS.velocity[0] * np.eye(7)[0]
-    references = [run(robot, 1, fast).reference for _ in range(350)]
-    assert robot.session.commanding
-    steps = np.diff(references, axis=0)
-    assert steps.max(axis=0)[0] == pytest.approx(LIMITS.velocity[0] * T, abs=ROUNDING)
-    assert robot.reference[0] < cruise(348, fast)[0] - 0.1
-
-
-@pytest.mark.parametrize(('joint', 'speed'), [(1, 0.3), (1, 1.5), (5, 3.0)])
-def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
-    robot = make_robot()
-    for _ in range(3000):
-        run(robot, 1, speed * np.eye(7)[joint])
-        assert robot.plant.q[joint] <= LIMITS.upper[joint]
-    assert robot.session.reason.startswith(f'position limit: {LIMITS.joint_names[joint]}')
-    assert robot.plant.q[joint] == pytest.approx(LIMITS.upper[joint], abs=np.radians(1.0))
-
-
 # --- after a stop ---------------------------------------------------------------------------------
 
 
