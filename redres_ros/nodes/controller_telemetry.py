@@ -117,13 +117,7 @@ class SnapshotPublisher:
 
 
 class MotionTelemetry:
-    """The controller's topics for displays and recorders.
-
-    Args:
-        node: Publishes.
-        frame: Which the tip's pose is in.
-        T: The controller's cycle.
-    """
+    """The controller's topics for displays and recorders; the tip's pose is in the frame."""
 
     def __init__(self, node: Node, frame: str, T: Seconds) -> None:
         own = {f'{node.get_name()}/{name}': kind for name, kind in _TYPES.items()}

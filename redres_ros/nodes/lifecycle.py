@@ -44,12 +44,7 @@ class ManagedNode(LifecycleNode):
     active = False
 
     def __init__(self, name: str) -> None:
-        """A node of that name, which others use in the names of topics and services.
-
-        Raises:
-            LifeError: It was remapped.
-            ParameterError: A parameter is set that is gone.
-        """
+        """A node of that name. Raises RedresError if it was remapped, or a parameter is gone."""
         super().__init__(name)
         if self.get_name() != name:
             raise LifeError(
@@ -78,14 +73,11 @@ class ManagedNode(LifecycleNode):
                 'has the time 0; start the simulation, or set use_sim_time to false'
             )
 
-    def _begin(self) -> None:
-        """Begin to act."""
+    def _begin(self) -> None: ...
 
-    def _end(self) -> None:
-        """Stop acting."""
+    def _end(self) -> None: ...
 
-    def _forget(self) -> None:
-        """Return to the initial state."""
+    def _forget(self) -> None: ...
 
     def _may_be_cleaned_up(self) -> bool:
         """Whether nothing moves any more."""

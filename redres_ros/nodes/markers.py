@@ -36,13 +36,7 @@ Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
 
 
 class Markers:
-    """Publishes the traces and the points of the task while there is a subscriber.
-
-    Args:
-        node: Publishes.
-        frame: Frame of all points.
-        waypoints: The points of the task.
-    """
+    """Publishes the traces and the points of the task while there is a subscriber."""
 
     def __init__(self, node: Node, frame: str, waypoints: Points) -> None:
         self._publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)

@@ -63,14 +63,7 @@ class _PolicySettings:
 
 
 class PolicyParameters:
-    """The parameters of what a controller does in each tick, all of which can be set live.
-
-    Args:
-        node: Gets the parameters.
-        model: The arm.
-        task: The first task.
-        T: Sampling time, which bounds the damping.
-    """
+    """The parameters of what a controller does in each tick, all of which can be set live."""
 
     def __init__(self, node: Node, model: RobotModel, task: str, T: Seconds) -> None:
         self._model = model
@@ -95,7 +88,6 @@ class PolicyParameters:
             return
         gains = {**self._gains, **{key: changes[key] for key in own}}
         policy = self._made(settings, gains)
-        self._check_unused(own, settings.law, gains)
         if _of_limits(settings, gains) == _of_limits(self._settings, self._gains):
             policy = replace(policy, limits=self.policy.limits)
         self._next = (settings, gains, policy)
@@ -119,19 +111,6 @@ class PolicyParameters:
         )
         policy.check(self._model, self._T)
         return policy
-
-    def _check_unused(self, changed: Iterable[str], law: str, gains: Mapping[str, Any]) -> None:
-        """Refuse a gain that its owner could not be made with, also while that is not in use."""
-        owners = {key.partition('.')[0] for key in changed}
-        for name in (LAWS.keys() & owners) or {law}:
-            make_policy(
-                self._model,
-                name,
-                limits=sorted(LIMITS.keys() & owners),
-                preferences=sorted(PREFERENCES.keys() & owners),
-                secondary_tasks=sorted(TASKS.keys() & owners),
-                gains=gains,
-            )
 
 
 def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:

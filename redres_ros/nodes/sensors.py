@@ -34,13 +34,6 @@ class Sensors:
     """Parameters, topics and the service of contact and of measured preferences.
 
     A topic is subscribed to when it is first needed: a wrench in every cycle costs both sides time.
-
-    Args:
-        node: The controller's.
-        model: Model of its arm.
-        rows: Rows of its task velocity.
-        T: Sampling time.
-        switch_time: Duration of a fade.
     """
 
     def __init__(
