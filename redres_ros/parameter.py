@@ -167,7 +167,7 @@ class Table(dict[str, type[T]]):
         self, entry: str | T, gains: Mapping[str, Any] = _NO_GAINS, *arguments: object
     ) -> T:
         """What an entry stands for: a name, with its own of all the gains by their keys; or the
-        object itself. Raises as make().
+        object itself. Raises as make(), and UnknownNameError for an object of another kind.
         """
         if isinstance(entry, str):
             own = self.gains(entry.partition('@')[0])

@@ -163,7 +163,7 @@ def resolve_one(
     damped.
 
     Singular values are judged against the largest one of J, or against size if that is larger. A
-    direction that takes more than `fastest` [rad/s] is damped as well.
+    direction that takes more than `fastest` [rad/s] is damped as well. Raises ArrayError.
     """
     dq = np.empty(len(b))
     outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)

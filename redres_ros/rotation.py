@@ -38,8 +38,8 @@ def from_quaternion(quaternion: Quaternion) -> Rotation:
     )
 
 
-def from_roll_pitch_yaw(angles: np.ndarray) -> Rotation:
-    """Rz(yaw) Ry(pitch) Rx(roll), of (3,) [rad]: turns about the axes of the base."""
+def from_roll_pitch_yaw(angles: RotationVector) -> Rotation:
+    """Rz(yaw) Ry(pitch) Rx(roll) of the three angles: turns about the axes of the base."""
     roll, pitch, yaw = (rotation_matrix(turn) for turn in np.diag(angles))
     return yaw.dot(pitch).dot(roll)
 

@@ -25,8 +25,8 @@ class Preference(ABC):
     """A null-space objective. It adds T ddq_N to the bias of every law that has velocity history.
 
     A subclass is a frozen dataclass whose fields are declared with `param`. One that uses a sensor
-    names its `measurement`, finds it in `state.measurements` while it is fresh, and is zero without
-    it. In Python `Controller.measurements` holds them; the node subscribes to a topic of that name.
+    names its `measurement`, a topic of the node and a key of `Controller.measurements`, finds it in
+    `state.measurements` while it is fresh, and is zero without it.
     """
 
     measurement: ClassVar[str] = ''
@@ -113,8 +113,8 @@ class Posture(Preference):
 class Manipulability(Preference):
     """Away from singularities: ddq_N = k d/dq sqrt(det(J J')).
 
-    J is of the tip's position, or of its pose in manipulability@pose. Where it is singular the
-    measure is zero and has no gradient; ddq_N is then zero, too.
+    J is of the tip's position, or of its pose in manipulability@pose; UnknownNameError for other
+    rows. Where it is singular the measure is zero and has no gradient; ddq_N is then zero, too.
     """
 
     qualifier: ClassVar[str] = 'rows'
