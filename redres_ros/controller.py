@@ -147,6 +147,7 @@ class Controller:
         self.switch_time = switch_time
         self.robot_interface = robot_interface
         self._integrate_from = integrate_from
+        self._q_shape = (model.n,)
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
         self._tick = TickContext(lost=robot_interface.lost)
         self._prepared: tuple[Plan, bytes] | None = None  # and the dx that it is for
@@ -167,6 +168,7 @@ class Controller:
         )
         self.policy = policy
         self._targeted = policy  # with all targets, once it is in force
+        self._desired: Policy | Hold = policy
         self.restart()
         self.set_policy(policy)
 
@@ -201,9 +203,10 @@ class Controller:
 
     def follow_joints(self, follows: bool) -> None:
         """Whether dx is the velocity of all joints, (n,) [rad/s], instead of that of the task."""
-        self._prepared = None
         self._follows_joints = follows
+        self._choose()
         self.m = self.model.n if follows else self.policy.task.rows(self.model)
+        self._dx_shape = (self.m,)
 
     def switch_law(self, law: str | Law) -> None:
         """Switch to another law, or to other gains; by name or as an object.
@@ -246,12 +249,12 @@ class Controller:
     def hold(self) -> None:
         """Decelerate to rest, from now on; the task is dropped."""
         self._holds = True
-        self._prepared = None
+        self._choose()
 
     def resume(self) -> None:
         """Follow the policy again, from now on."""
         self._holds = False
-        self._prepared = None
+        self._choose()
 
     def reset(self) -> None:
         """Restart at the measured position, at rest.
@@ -261,8 +264,8 @@ class Controller:
         """
         limits = self.policy.limits
         moves = self.published is not None and bool(self.published.dq.any())
-        self._prepared = None
         self._restarts = bool(limits and limits.bounds_acceleration and moves)
+        self._choose()
         if not self._restarts:
             self.restart()
 
@@ -273,6 +276,7 @@ class Controller:
         self._targeted = self.policy
         self._has_open_targets = True
         self._restarts = False  # once the arm has come to rest
+        self._choose()
 
     def hold_at(self, q_ref: JointPositions) -> None:
         """Be at rest with a reference, where the next motion begins."""
@@ -333,7 +337,18 @@ class Controller:
         correction: TaskVelocity | None = None,
     ) -> Plan:
         """The next reference, for commit(); arguments and errors as of update()."""
-        q, dx = self._checked(q, dx, missed)
+        if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
+            raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
+        are_arrays = type(q) is type(dx) is np.ndarray and q.dtype is dx.dtype is FLOAT64
+        if not are_arrays or q.shape != self._q_shape or dx.shape != self._dx_shape:
+            q = as_vector(q, self.model.n, 'q')
+            dx = as_vector(dx, self.m, 'dx')
+        if not are_usable(q, dx, _DX_LIMIT):
+            check_finite(q, 'q')
+            check_finite(dx, 'dx')
+            raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
+        if self._multi_turn.size:
+            q = self.nearest_turn(q)
         if self._prepared and not missed and correction is None:
             plan, prepared_dx = self._prepared
             if dx.tobytes() == prepared_dx:
@@ -347,7 +362,9 @@ class Controller:
         """The command of a plan, from which the next tick continues."""
         solution = plan.solution
         motion = plan.motion
-        self._motion = motion.after(solution) if isinstance(motion, Crossfade) else motion
+        if isinstance(motion, Crossfade):
+            motion = motion.after(solution)
+        self._motion = motion
         self._has_open_targets = False
         self._prepared = None
         self.published = Published(plan.q_ref, plan.dq, plan.ddq, solution.dq)
@@ -366,7 +383,7 @@ class Controller:
         is_known = self.policy.limits is not None and self._integrate_from == 'command'
         if self._prepared or self._has_open_targets or self.measurements or not is_known:
             return
-        if self.published is None or self._desired() is not self._motion:
+        if self.published is None or self._desired is not self._motion:
             return
         try:
             plan, speed = self._solved(self.published.q, dx)
@@ -383,23 +400,6 @@ class Controller:
         policy = self.policy.for_joints if self._follows_joints else self.policy
         solution = Solution(zeros, policy.task.jacobian(state), np.zeros(self.m))
         return Command(solution, q_ref.copy(), state, self.T)
-
-    def _checked(
-        self, q: JointPositions, dx: TaskVelocity, missed: Cycles
-    ) -> tuple[JointPositions, TaskVelocity]:
-        """q, of the nearest turn, and dx; raises as update() says."""
-        if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
-            raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
-        if not (type(q) is np.ndarray and q.dtype is FLOAT64 and q.shape == (self.model.n,)):
-            q = as_vector(q, self.model.n, 'q')
-        if not (type(dx) is np.ndarray and dx.dtype is FLOAT64 and dx.shape == (self.m,)):
-            dx = as_vector(dx, self.m, 'dx')
-        q = q.copy()  # the command's state keeps it
-        if not are_usable(q, dx, _DX_LIMIT):
-            check_finite(q, 'q')
-            check_finite(dx, 'dx')
-            raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
-        return self.nearest_turn(q) if self._multi_turn.size else q, dx
 
     def _solved(
         self,
@@ -418,15 +418,17 @@ class Controller:
             start = q
             dq_prev = base.command
         tick = self._tick if correction is None else self._tick._replace(correction=correction)
-        at = q if self.policy.limits is None else start
+        at = start
+        if at is q or self.policy.limits is None:
+            at = q.copy()  # the command's state keeps it
         state = RobotState(self.model, at, dq_prev, base.ddq, tick)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
-        desired = self._desired()
-        motion: Motion = desired
-        if self._motion is not desired:
+            self._choose()
+        motion: Motion = self._desired
+        if self._motion is not motion:
             elapsed = (missed + 1) * self.T
-            motion = advanced(self._motion, desired, dq_prev, elapsed, self.switch_time)
+            motion = advanced(self._motion, self._desired, dq_prev, elapsed, self.switch_time)
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         q_ref = np.empty(self.model.n)
@@ -437,10 +439,11 @@ class Controller:
             differentiate(q_ref, base.q, self.T, dq)
         return Plan(base, state, motion, solution, q_ref, dq, ddq), speed
 
-    def _desired(self) -> Policy | Hold:
-        """What the arm is to do, once no crossfade is under way."""
+    def _choose(self) -> None:
+        """Decide what the arm is to do, once no crossfade is under way."""
         policy = self._targeted.for_joints if self._follows_joints else self._targeted
-        return policy.stop if self._holds or self._restarts else policy
+        self._desired = policy.stop if self._holds or self._restarts else policy
+        self._prepared = None
 
     def _diverged(self, plan: Plan, dx: TaskVelocity) -> DivergedError:
         """The error of a speed beyond that of any arm.
