@@ -46,9 +46,8 @@ class Preference(ABC):
 
     def asks(self, state: RobotState) -> bool:
         """Whether a measurement is to move an arm that is at rest."""
-        if self.measurement not in state.measurements:
-            return False
-        return bool((np.abs(self.acceleration(state)) > _LITTLE).any())
+        is_fresh = self.measurement in state.measurements
+        return is_fresh and bool((np.abs(self.acceleration(state)) > _LITTLE).any())
 
     def with_initial_targets(self, state: RobotState) -> Self:
         """A copy with unset targets taken from the current state."""
