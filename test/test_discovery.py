@@ -11,7 +11,8 @@ from graph_helpers import Probe, await_that, udp_sockets
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.errors import RangeError
+from redres_ros.errors import RangeError, RedresError
+from redres_ros.nodes import runtime
 from redres_ros.nodes.runtime import joined_domain, own_domain, spun
 
 LOOPBACK = '0100007F'  # 127.0.0.1 as the kernel writes it
@@ -26,6 +27,21 @@ def test_a_domain_is_set_for_a_block_alone(monkeypatch: pytest.MonkeyPatch) -> N
         assert os.environ['ROS_DOMAIN_ID'] == '3'
     with pytest.raises(RangeError, match='233; allowed: 0 to 232'), joined_domain(233):
         pass
+
+
+@pytest.mark.parametrize('name', ['', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS'])
+def test_nodes_stay_on_this_host_unless_the_user_says_otherwise(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, 'environ', dict(os.environ, ROS_DOMAIN_ID='none'))
+    for known in runtime._DISCOVERY:
+        os.environ.pop(known, None)
+    if name:
+        os.environ[name] = 'as the user has it'
+    with pytest.raises(RedresError, match='ROS_DOMAIN_ID'):
+        runtime.start()
+    chosen = {known for known in runtime._DISCOVERY if known in os.environ}
+    assert chosen == ({name} if name else {runtime._RANGE, runtime._PROFILE})
 
 
 def udp_addresses(pid: int) -> set[str]:

@@ -78,7 +78,7 @@ class JointMapper:
 
         Raises:
             JointNamesError: A joint of the arm is missing, or named twice.
-            ArrayError: There is not one value for each name.
+            _LengthError: There is not one value for each name.
         """
         key = tuple(names)
         order = self._orders[key] if key in self._orders else self._learn(key)

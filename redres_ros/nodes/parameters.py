@@ -132,7 +132,7 @@ class _GoneError(ParameterNotDeclaredException):
 
 def check_given(node: Node) -> None:
     """Refuse parameters of earlier versions: by ParameterError those that are set from outside, and
-    from now on those that are set live, where values are converted as by declare_one().
+    by _GoneError those that are set live, where values are converted as by declare_one().
     """
     for name in sorted(node._parameter_overrides):
         if instead := instead_of(name):

@@ -21,6 +21,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from redres_ros.errors import RangeError, RedresError, reason_of
 from redres_ros.files.processes import end_with_parent, handle, open_error_output
@@ -38,8 +39,12 @@ _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits 
 _HIGHEST_DOMAIN = 232  # the last one whose ports exist
 _FREE_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 
-# Otherwise decide which nodes find each other.
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+# A user who sets one of these has decided which nodes find each other.
 _DISCOVERY = (
+    _RANGE,
+    _PROFILE,
     'ROS_STATIC_PEERS',
     'ROS_LOCALHOST_ONLY',
     'ROS_DISCOVERY_SERVER',
@@ -131,9 +136,20 @@ def own_domain(domain: int | None = None) -> Iterator[int]:
     with joined_domain(domain):
         for name in _DISCOVERY:
             os.environ.pop(name, None)
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SUBNET'  # of the profile's network
-        os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('loopback.xml'))
+        _stay_on_this_host()
         yield domain
+
+
+def _stay_on_this_host() -> None:
+    """Let nobody on the network command the arm, unless the user has decided that.
+
+    LOCALHOST of ROS would bring back the shared memory of Fast DDS: a profile says the same.
+    """
+    if any(map(os.environ.get, _DISCOVERY)):
+        return
+    is_fast_dds = 'fastrtps' in get_rmw_implementation_identifier()
+    os.environ[_RANGE] = 'SUBNET' if is_fast_dds else 'LOCALHOST'
+    os.environ[_PROFILE] = str(Path(__file__).with_name('loopback.xml'))
 
 
 def _find_free_domain() -> int:
@@ -153,6 +169,7 @@ def start(arguments: list[str] | None = None) -> None:
     # Opening Fast DDS's shared memory for a process that has just come can hold up all who publish
     # for a third of a second (issue 6535 of Fast DDS).
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+    _stay_on_this_host()
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= _HIGHEST_DOMAIN):
         raise _StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {_HIGHEST_DOMAIN}')
