@@ -25,17 +25,17 @@ from redres_ros.paper.runs import Runs
 pytestmark = pytest.mark.slow
 
 CHEAP = (
-    theoretical.square_task,
-    theoretical.two_forms,
-    theoretical.special_case_35,
-    theoretical.optimality,
-    damping.resting_place,
-    damping.regimes,
-    theoretical.damped_variation,
-    theoretical.several_tasks,
-    theoretical.unneeded_joint,
-    damping.stops_at_once,
-    assumptions.geometry,
+    theoretical._square_task,
+    theoretical._two_forms,
+    theoretical._special_case_35,
+    theoretical._optimality,
+    damping._resting_place,
+    damping._regimes,
+    theoretical._damped_variation,
+    theoretical._several_tasks,
+    theoretical._unneeded_joint,
+    damping._stops_at_once,
+    assumptions._geometry,
 )
 
 
@@ -59,7 +59,7 @@ def test_a_law_that_is_not_optimal_is_found_out(
         return resolve(*arguments) + 1e-6
 
     monkeypatch.setattr(theoretical, 'resolve', spoiled)
-    assert not theoretical.optimality.measure(runs).held
+    assert not theoretical._optimality.measure(runs).held
 
 
 def test_the_page_lists_each_claim_once_with_what_was_measured() -> None:

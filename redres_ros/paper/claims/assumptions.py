@@ -15,7 +15,7 @@ _AT_START = 1e-3  # [m] up to which q(0) is at x_0
     'The arm is an LWR IV with a raised base and a tool, whose lengths the paper does not give',
     ASSUMPTION,
 )
-def geometry(runs: Runs) -> Finding:
+def _geometry(runs: Runs) -> Finding:
     arm = find_arm(runs.task.robot)
     bare = RobotModel(find_arm(runs.task.robot, base_offset=0.0, tool_offset=0.0))
     miss, bare_miss = (_miss(runs, model) for model in (runs.model, bare))
@@ -37,7 +37,7 @@ def geometry(runs: Runs) -> Finding:
     "The next segment begins once this one's time is over and the error is below 1 mm",
     ASSUMPTION,
 )
-def switching(runs: Runs) -> Finding:
+def _switching(runs: Runs) -> Finding:
     rest = runs['simulated_23']
     early = runs['early_23']
     rises = {}

@@ -9,7 +9,7 @@ from redres_ros.resolution import resolve
 
 
 @claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)')
-def resting_place(runs: Runs) -> Finding:
+def _resting_place(runs: Runs) -> Finding:
     T = SIMULATION_T
     first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
     start = runs.task.start
@@ -30,7 +30,7 @@ def resting_place(runs: Runs) -> Finding:
     'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; '
     'beyond: diverges',
 )
-def regimes(runs: Runs) -> Finding:
+def _regimes(runs: Runs) -> Finding:
     seen = {}
     for fraction in (0.5, 1.5, 2.0, 2.5):
         dq = np.ones(1)
@@ -53,7 +53,7 @@ def regimes(runs: Runs) -> Finding:
 
 
 @claim('B', 'With lambda = 0 the joints stop at the next step, at the cost of a high acceleration')
-def stops_at_once(runs: Runs) -> Finding:
+def _stops_at_once(runs: Runs) -> Finding:
     T = SIMULATION_T
     first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
     law = make_law('minimum_acceleration', damping=1.0 / T)
@@ -69,7 +69,7 @@ def stops_at_once(runs: Runs) -> Finding:
 
 
 @claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
-def full_damping(runs: Runs) -> Finding:
+def _full_damping(runs: Runs) -> Finding:
     return same_velocities(runs['difference_2'].max)
 
 

@@ -19,7 +19,7 @@ _ALIKE = 0.05  # fraction of the joints' path up to which two motions count as v
 
 
 @claim('6.1', 'With law (2) the robot is stopped for its acceleration, which peaks after 7 s')
-def stopped(runs: Runs) -> Finding:
+def _stopped(runs: Runs) -> Finding:
     tried = runs['measured_2']
     ended = tried.recording['t'][-1]
     (peak, at) = tried.recording.peak('joint_acceleration_norm')
@@ -31,7 +31,7 @@ def stopped(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'The peaks are seen in the measured acceleration after 7 s (Fig. 10)')
-def seen(runs: Runs) -> Finding:
+def _seen(runs: Runs) -> Finding:
     tried = runs['measured_2']
     before, after = (_largest(tried.motion, span) for span in ((0.0, 7.0), (7.0, np.inf)))
     fine = _largest(tried.motion_through(FINER))
@@ -48,7 +48,7 @@ def seen(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'With law (23) the robot reaches the end (Fig. 11)')
-def finishes(runs: Runs) -> Finding:
+def _finishes(runs: Runs) -> Finding:
     tried = runs['measured_23']
     end, _ = runs.experiment_model.tip(tried.q[-1])
     error = float(np.linalg.norm(end - runs.task.waypoints[-1]))
@@ -59,7 +59,7 @@ def finishes(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'In the first part the two motions are very similar')
-def alike(runs: Runs) -> Finding:
+def _alike(runs: Runs) -> Finding:
     one = _until(runs['measured_2'].recording, runs.task.segment_time)
     two = _until(runs['measured_23'].recording, runs.task.segment_time)
     largest = float(np.abs(one - two).max())
@@ -71,7 +71,7 @@ def alike(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'The commanded acceleration stays below that of law (2)')
-def lower_peak(runs: Runs) -> Finding:
+def _lower_peak(runs: Runs) -> Finding:
     one, _ = runs['measured_2'].recording.peak('joint_acceleration_norm')
     two, _ = runs['measured_23'].recording.peak('joint_acceleration_norm')
     return Finding(
@@ -82,7 +82,7 @@ def lower_peak(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'So does the measured one (Figs. 10, 12)')
-def lower_measured_peak(runs: Runs) -> Finding:
+def _lower_measured_peak(runs: Runs) -> Finding:
     tried = runs['measured_2'], runs['measured_23']
     one, two = (_largest(each.motion) for each in tried)
     fine_one, fine_two = (_largest(each.motion_through(FINER)) for each in tried)
@@ -102,17 +102,17 @@ def lower_measured_peak(runs: Runs) -> Finding:
 
 
 @claim('6.1', 'Law (23) and scheme (22) move the robot practically alike')
-def practically_23(runs: Runs) -> Finding:
+def _practically_23(runs: Runs) -> Finding:
     return _practically(runs.difference('measured_23_at_once', 'measured_22'))
 
 
 @claim('6.1', 'What (23) commands and what is measured with (22) differ negligibly (Fig. 13)')
-def plotted_23(runs: Runs) -> Finding:
+def _plotted_23(runs: Runs) -> Finding:
     return _plotted(runs.difference('measured_23_at_once', 'measured_22'))
 
 
 @claim('6.2', 'Law (35) needs the points in reverse order to stay within the joint ranges')
-def reverse_order(runs: Runs) -> Finding:
+def _reverse_order(runs: Runs) -> Finding:
     there = runs['measured_35_forward']
     back = runs['measured_35']
     return Finding(
@@ -124,12 +124,12 @@ def reverse_order(runs: Runs) -> Finding:
 
 
 @claim('6.2', 'Law (35) and scheme (29) with (34) move the robot practically alike')
-def practically_35(runs: Runs) -> Finding:
+def _practically_35(runs: Runs) -> Finding:
     return _practically(runs.difference('measured_35_at_once', 'measured_29'))
 
 
 @claim('6.2', 'What (35) commands and what is measured with (29) differ negligibly (Fig. 16)')
-def plotted_35(runs: Runs) -> Finding:
+def _plotted_35(runs: Runs) -> Finding:
     return _plotted(runs.difference('measured_35_at_once', 'measured_29'))
 
 

@@ -19,7 +19,7 @@ from redres_ros.simulation.recording import Recording
     '3.2',
     'Without damping the joints float on the self-motion manifold; null-space damping removes that',
 )
-def drift(runs: Runs) -> Finding:
+def _drift(runs: Runs) -> Finding:
     tick = round(runs.task.segment_time / SIMULATION_T) - 1
     without, damped = (
         float(run['null_velocity_norm'][tick])
@@ -37,7 +37,7 @@ def drift(runs: Runs) -> Finding:
     'With the norm weighted by M^-2 the motion stays bounded in longer tasks, '
     'unlike with the plain torque norm',
 )
-def bounded(runs: Runs) -> Finding:
+def _bounded(runs: Runs) -> Finding:
     weighted: list[float] = []
     plain: list[float] = []
     listed = []
@@ -58,7 +58,7 @@ def bounded(runs: Runs) -> Finding:
 
 
 @claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)')
-def equivalence_damped(runs: Runs) -> Finding:
+def _equivalence_damped(runs: Runs) -> Finding:
     return _equivalence(runs['simulated_23'], runs['simulated_22'])
 
 
@@ -67,7 +67,7 @@ def equivalence_damped(runs: Runs) -> Finding:
     'Without damping the arm drifts to a singular configuration, '
     'and the acceleration peaks rise 40 times',
 )
-def peaks(runs: Runs) -> Finding:
+def _peaks(runs: Runs) -> Finding:
     """Ratio of the acceleration peaks of lambda = 1 and 0.99, at the sampling times of simulation
     and experiment.
     """
@@ -86,7 +86,7 @@ def peaks(runs: Runs) -> Finding:
 
 
 @claim('5.1', 'Law and scheme still behave alike without damping')
-def equivalence_undamped(runs: Runs) -> Finding:
+def _equivalence_undamped(runs: Runs) -> Finding:
     found = runs['difference_15']
     return Finding(
         found.max <= ROUNDING,
@@ -97,7 +97,7 @@ def equivalence_undamped(runs: Runs) -> Finding:
 
 
 @claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)')
-def faster(runs: Runs) -> Finding:
+def _faster(runs: Runs) -> Finding:
     (damped, _), (law_35, _) = (
         run.peak('joint_velocity_norm') for run in (runs['simulated_23'], runs['simulated_35'])
     )
@@ -107,12 +107,12 @@ def faster(runs: Runs) -> Finding:
 
 
 @claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)')
-def equivalence_35(runs: Runs) -> Finding:
+def _equivalence_35(runs: Runs) -> Finding:
     return _equivalence(runs['simulated_35'], runs['simulated_29'])
 
 
 @claim('4, A', 'So do the other torque laws and their schemes')
-def equivalence_others(runs: Runs) -> Finding:
+def _equivalence_others(runs: Runs) -> Finding:
     found = {law: runs[f'difference_{law}'] for law in TORQUE_LAWS}
     listed = ', '.join(
         f'{name} {d.max:.0e} / {d.same_past.max():.0e} rad/s' for name, d in found.items()

@@ -25,7 +25,7 @@ _REPETITIONS = 3000  # of a tick when it is timed
 
 
 @claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx')
-def square_task(runs: Runs) -> Finding:
+def _square_task(runs: Runs) -> Finding:
     """Six joints and six task variables: the sampled acceleration law against J^-1 dx, along a
     recorded motion.
     """
@@ -57,7 +57,7 @@ def square_task(runs: Runs) -> Finding:
     'The approximations (8) to (10) are consistent: '
     'the sampled laws tend to the continuous schemes',
 )
-def proportional(runs: Runs) -> Finding:
+def _proportional(runs: Runs) -> Finding:
     orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
     return Finding(
         all(0.9 <= order <= 1.1 for order in orders.values()),
@@ -67,7 +67,7 @@ def proportional(runs: Runs) -> Finding:
 
 
 @claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
-def two_forms(runs: Runs) -> Finding:
+def _two_forms(runs: Runs) -> Finding:
     worst = 0.0
     for state, dq in _states(runs['simulated_15'], runs.model):
         J_pinv = np.linalg.pinv(state.J[:3])
@@ -83,7 +83,7 @@ def two_forms(runs: Runs) -> Finding:
     '3',
     'Near a singularity the task is deformed, but the change of the velocity is still minimised',
 )
-def damped_variation(runs: Runs) -> Finding:
+def _damped_variation(runs: Runs) -> Finding:
     random = np.random.default_rng(0)
     deformation = 0.0
     residual = 0.0
@@ -106,7 +106,7 @@ def damped_variation(runs: Runs) -> Finding:
 @claim(
     '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
 )
-def auxiliary_task(runs: Runs) -> Finding:
+def _auxiliary_task(runs: Runs) -> Finding:
     return same_velocities(runs['difference_19'].max)
 
 
@@ -114,7 +114,7 @@ def auxiliary_task(runs: Runs) -> Finding:
     '3.1 (20)',
     'Law (20) executes several tasks in order of priority with the least change of the velocity',
 )
-def several_tasks(runs: Runs) -> Finding:
+def _several_tasks(runs: Runs) -> Finding:
     T = SIMULATION_T
     elbow = runs.model.elbow_frame
     dx_2 = np.array([0.05])  # [m/s]
@@ -149,7 +149,7 @@ def several_tasks(runs: Runs) -> Finding:
     'A joint that the task does not need: least velocity stops it, least acceleration '
     'lets it drift at constant velocity, damping brings it to rest',
 )
-def unneeded_joint(runs: Runs) -> Finding:
+def _unneeded_joint(runs: Runs) -> Finding:
     T = SIMULATION_T
     first = 0.1  # [rad/s] of joint 7 before the first tick
     laws = {
@@ -179,7 +179,7 @@ def unneeded_joint(runs: Runs) -> Finding:
 
 
 @claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)')
-def special_case_35(runs: Runs) -> Finding:
+def _special_case_35(runs: Runs) -> Finding:
     T = SIMULATION_T
     worst = 0.0
     for state, dq in _states(runs['simulated_35'], runs.model):
@@ -195,7 +195,7 @@ def special_case_35(runs: Runs) -> Finding:
 
 
 @claim('7', 'The velocity laws cost no more computation than the second-order schemes')
-def cost(runs: Runs) -> Finding:
+def _cost(runs: Runs) -> Finding:
     ratios = {}
     state, moved = next(_states(runs['simulated_23'], runs.model, 1000))
     dx = state.J[:3] @ moved
@@ -215,7 +215,7 @@ def cost(runs: Runs) -> Finding:
 
 
 @claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)')
-def optimality(runs: Runs) -> Finding:
+def _optimality(runs: Runs) -> Finding:
     """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained
     minimum.
     """
