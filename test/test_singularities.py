@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import islice, product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from redres_ros import LAWS, Command, Controller, RobotModel, make_law
 from redres_ros.interpolation import quintic
 from redres_ros.resolution import SINGULAR_RATIO
 from redres_ros.robots import ARMS
+from redres_ros.singularity import escape
+from redres_ros.tasks import Position
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
@@ -270,6 +273,21 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
     x, _ = model.tip(last.q_ref)
     x_far, _ = model.tip(q)
     assert np.linalg.norm(x) <= np.linalg.norm(x_far) + 1e-6
+
+
+def test_an_arm_ten_times_as_large_escapes_with_the_same_joint_velocities():
+    q, outward = stretched('lwr4')
+    state = model_of('lwr4').state(q, np.zeros(7))
+    J = state.J[:3]
+    dJ = state.jacobian_derivatives('')[:, :3]
+    expected = escape(state, Position(), J, -SPEED * outward)
+    assert np.linalg.norm(expected) > 0.01
+    large = SimpleNamespace(
+        model=SimpleNamespace(reach=10.0 * state.model.reach), dq_prev=np.zeros(7)
+    )
+    task = SimpleNamespace(derivatives=lambda state: 10.0 * dJ, row_scale=lambda model: None)
+    z = escape(large, task, 10.0 * J, -10.0 * SPEED * outward)
+    assert z == pytest.approx(expected, abs=1e-9)
 
 
 @EVERY_STRETCHED
