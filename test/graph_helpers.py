@@ -279,14 +279,6 @@ class Observer(Node):
             judge.enter_reference(stamp, q_ref)
         return judge
 
-    def forget_commands(self) -> None:
-        """Judge only what is published from now on."""
-        self._sample()
-        self._sampled['joint_command'].clear()
-        self._sampled[MODE].clear()
-        self.commands.clear()
-        self.modes.clear()
-
     def _sample(self) -> None:
         for topic, samples in self._sampled.items():
             samples += self._sampler.take(topic)

@@ -147,7 +147,6 @@ class Channel(NamedTuple):
     listener: str
     garbage: tuple[Callable[[Any], None], ...]
     wrong: Callable[[Any], None]
-    wrong_words: str
 
     @property
     def title(self) -> str:
@@ -155,63 +154,36 @@ class Channel(NamedTuple):
         return f'`{self.topic}` → {self.listener}'
 
 
+def off_by_far(message: Any) -> None:
+    """All joints are 0.2 rad off."""
+    of_joints(message, 0.2)
+
+
+def in_millimetres(message: Any) -> None:
+    """Millimetres for metres, of a twist or a pose."""
+    vector = message.twist.linear if hasattr(message, 'twist') else message.pose.position
+    of_vector(vector, 1000.0)
+
+
+def with_word(word: Any) -> Callable[[Any], None]:
+    """A word or a number in the place of the right one."""
+    return lambda message: setattr(message, 'data', word)
+
+
+def opposite(message: Any) -> None:
+    """Command mode for monitoring, and the other way round."""
+    message.data = OPPOSITE[message.data]
+
+
 CHANNELS = (
-    Channel(
-        'joint_states',
-        'controller',
-        BAD_JOINTS,
-        lambda message: of_joints(message, 0.2),
-        'all joints 0.2 rad off',
-    ),
-    Channel(
-        'joint_states',
-        'planner',
-        BAD_JOINTS,
-        lambda message: of_joints(message, 0.2),
-        'all joints 0.2 rad off',
-    ),
-    Channel(
-        'joint_command',
-        'sim',
-        BAD_JOINTS,
-        lambda message: of_joints(message, 0.2),
-        'all joints 0.2 rad off',
-    ),
-    Channel(
-        'cartesian_velocity',
-        'controller',
-        BAD_TWISTS,
-        lambda message: of_vector(message.twist.linear, 1000.0),
-        'millimetres for metres',
-    ),
-    Channel(
-        'target_pose',
-        'planner',
-        BAD_POSES,
-        lambda message: of_vector(message.pose.position, 1000.0),
-        'millimetres for metres',
-    ),
-    Channel(
-        'controller/task_scaling',
-        'planner',
-        (lambda message: setattr(message, 'data', np.nan),),
-        lambda message: setattr(message, 'data', 7.0),
-        'more than the whole',
-    ),
-    Channel(
-        'sim/session_state',
-        'controller',
-        BAD_WORDS,
-        lambda message: setattr(message, 'data', OPPOSITE[message.data]),
-        'the opposite',
-    ),
-    Channel(
-        'sim/stop_reason',
-        'planner',
-        BAD_WORDS,
-        lambda message: setattr(message, 'data', ''),
-        'none, in spite of a stop',
-    ),
+    Channel('joint_states', 'controller', BAD_JOINTS, off_by_far),
+    Channel('joint_states', 'planner', BAD_JOINTS, off_by_far),
+    Channel('joint_command', 'sim', BAD_JOINTS, off_by_far),
+    Channel('cartesian_velocity', 'controller', BAD_TWISTS, in_millimetres),
+    Channel('target_pose', 'planner', BAD_POSES, in_millimetres),
+    Channel('controller/task_scaling', 'planner', (with_word(np.nan),), with_word(7.0)),
+    Channel('sim/session_state', 'controller', BAD_WORDS, opposite),
+    Channel('sim/stop_reason', 'planner', BAD_WORDS, with_word('')),
 )
 
 # The controller listens to it while the arm yields.
@@ -225,7 +197,6 @@ WRENCH = Channel(
         lambda message: setattr(message.header.stamp, 'sec', 2**31 - 1),
     ),
     lambda message: setattr(message.wrench.force, 'z', 200.0),
-    '200 N that are not there',
 )
 
 FAULTS = ('off', 'stuck', 'garbage', 'wrong', 'slow', 'delayed', 'intermittent', 'reordered')
