@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
 from redres_ros.interpolation import quintic
-from redres_ros.planning.planner import Reference
+from redres_ros.planning.planner import Reference, TargetFollower
 
 T = 0.001  # [s]
 
@@ -355,3 +355,26 @@ def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
     assert (
         square.path_deviation(on_the_way + across, np.zeros(3)) == 0.0
     ).all()  # before x_0: no line
+
+
+# --- a target that changes ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('speed', [0.2, 2.0])  # at the second one the braking distance decides
+def test_a_tip_follows_a_jumping_target_within_speed_and_acceleration(square, speed):
+    random = np.random.default_rng(3)
+    x = square.waypoints[0]
+    follower = TargetFollower(square, x, np.eye(3), np.zeros(6), speed=speed, acceleration=1.0)
+    positions = []
+    for k in range(8000):
+        if k % 500 == 0 and k < 2500:
+            target = square.waypoints[0] + random.normal(0.0, 0.3, 3)
+            follower.set_target(target, turned(random.normal(0.0, 1.0, 3))[0])
+        positions.append(follower.reference(x, k * T, np.eye(3)).x_d)
+    v = np.diff(positions, axis=0) / T
+    a = np.diff(v, axis=0) / T
+    assert 0.2 * (1.0 - 1e-3) < np.linalg.norm(v, axis=1).max() < speed * (1.0 + 1e-3)
+    assert np.linalg.norm(a, axis=1).max() == pytest.approx(1.0, rel=1e-3)
+    to_go = np.linalg.norm(target - positions[3500:], axis=1)
+    assert to_go[-1] < square.tolerance
+    assert np.diff(to_go).max() < 1e-9  # it does not overshoot

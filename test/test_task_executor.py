@@ -294,3 +294,12 @@ def test_a_controller_that_is_gone_is_an_interruption_whatever_it_said_last() ->
     arm.run.set_mode('moving')
     arm.go(200, None)
     assert arm.run.state is TaskState.WAITING
+
+
+def test_a_tip_that_is_pushed_off_its_path_in_motion_goes_back_to_it() -> None:
+    arm = under_way()
+    begun = arm.run.start_stamp
+    arm.x = arm.x + 0.1
+    step = arm.tick(1.0)
+    assert arm.run.start_stamp == begun
+    assert step is not None and step.reference is not None and step.reference.segment == 1
