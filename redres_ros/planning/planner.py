@@ -331,7 +331,13 @@ class TargetFollower(ReferenceSource):
 
 
 def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
-    """The feedback k_P e (3,) of Eq. (37), no longer than the limit, which may be infinite."""
+    """The feedback k_P e of Eq. (37), (3,), no longer than the limit, which may be infinite.
+
+    Args:
+        gain: k_P [1/s].
+        limit: Of the feedback's norm, in its unit.
+        error: e, (3,).
+    """
     feedback = gain * error
     x, y, z = feedback.tolist()
     excess = math.sqrt(x * x + y * y + z * z) / limit

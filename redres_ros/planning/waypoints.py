@@ -81,8 +81,12 @@ class WaypointTask:
             )
 
     def path_deviation(self, x: Points, segment: np.ndarray) -> np.ndarray:
-        """Distances of positions from the straight lines of their segments, (N,) [m]. Segment
-        0 leads to x_0 from anywhere, so it has no line: its distances are 0.
+        """Distances of positions from the straight lines of their segments, (N,) [m].
+
+        Args:
+            x: The positions.
+            segment: (N,) number of each one's segment. Segment 0 leads to x_0 from anywhere, so it
+                has no line: its distances are 0.
         """
         ends = np.maximum(segment.astype(int), 1)
         start = self.waypoints[ends - 1]
