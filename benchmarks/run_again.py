@@ -46,7 +46,7 @@ class Outcome:
         shortest: Duration of a run without the motion to its start [s].
         longest: The same.
         drift: From the start to the end of a run, of the joint farthest off, at most [rad].
-        gate: How often the gate changed a reference.
+        filtered: How often the safety filter changed a reference.
     """
 
     finished: int
@@ -54,7 +54,7 @@ class Outcome:
     shortest: float
     longest: float
     drift: float
-    gate: int
+    filtered: int
 
 
 class Arm:
@@ -183,9 +183,9 @@ def print_runs(robots: list[str], laws: list[str]) -> bool:
         has_finished = outcome.finished == RUNS
         well = well and has_finished
         remark = f'; {outcome.remark}' if outcome.remark else ''
-        gate = f'; gate {outcome.gate}' if outcome.gate else ''
+        filtered = f'; filtered {outcome.filtered}' if outcome.filtered else ''
         print(
-            f'| `{robot}` | `{law}` | {outcome.finished} of {RUNS}{remark}{gate} '
+            f'| `{robot}` | `{law}` | {outcome.finished} of {RUNS}{remark}{filtered} '
             f'| {outcome.shortest:.1f} to {outcome.longest:.1f} | {outcome.drift:.2f} |',
             flush=True,
         )

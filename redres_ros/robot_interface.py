@@ -17,6 +17,8 @@ from redres_ros.types import (
     Seconds,
 )
 
+HOLD = 'hold'
+
 
 class Published(NamedTuple):
     """The last reference, from which the robot and the next reference continue.
@@ -64,7 +66,7 @@ class RobotInterface:
     @property
     def holds(self) -> bool:
         """Whether the robot stays at its last command."""
-        return self.bridging == 'hold'
+        return self.bridging == HOLD
 
     def bridged(
         self,
@@ -95,6 +97,6 @@ class RobotInterface:
 ROBOT_INTERFACES: dict[str, RobotInterface] = {
     'fri': RobotInterface('velocity'),
     'fci': RobotInterface('acceleration', lost=3, restart_after=19),
-    'ros2_control': RobotInterface('hold', forwards_commands=True),
+    'ros2_control': RobotInterface(HOLD, forwards_commands=True),
     'sim': RobotInterface('velocity', patience=5.0),  # the node sim, whose clock waits
 }

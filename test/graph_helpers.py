@@ -167,7 +167,7 @@ class Observer(Node):
         self.session: list[tuple[int, str]] = []
         self.modes: list[str] = []  # of the controller
         self.reasons: list[str] = []
-        self.gate_counts: list[int] = []  # references that the controller's gate has changed
+        self.filter_counts: list[int] = []  # references that the safety filter has changed
         self._setter = self.create_client(
             SetParametersAtomically, 'controller/set_parameters_atomically'
         )
@@ -307,7 +307,7 @@ class Observer(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for value in message.status[0].values:
             if value.key == 'references changed by the safety filter':
-                self.gate_counts.append(int(value.value))
+                self.filter_counts.append(int(value.value))
 
 
 def _words(samples: list[Sample]) -> list[tuple[int, str]]:

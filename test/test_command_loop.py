@@ -26,8 +26,8 @@ T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 EPOCH = 1_700_000_000 * 10**9  # [ns]
 START = load_task('rectangle').start
-MOST_CALLS = 62  # of Python, from a state to its command
-MOST_FILES = 23
+MOST_CALLS = 54  # of Python, from a state to its command
+MOST_FILES = 19
 GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
 
 

@@ -72,11 +72,11 @@ def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
             run.run(0.02)
         pressed = force(run, 2.0)
         x, _ = MODEL.tip(run.nodes['sim']._plant.q)
-        gate = run.nodes['controller']._loop.safety_filter
+        safety_filter = run.nodes['controller']._loop.safety_filter
     # with friction 0.3 the whole force is sqrt(1 + 0.3^2) times that along the normal
     assert np.sqrt(np.mean((pressed / np.sqrt(1.09) - FORCE) ** 2)) < 0.5
     assert (x - X0)[1] == pytest.approx(0.1, abs=0.01)
-    assert gate.count == 0
+    assert safety_filter.count == 0
 
 
 def test_going_off_stops_the_force_control_and_holds_the_arm() -> None:

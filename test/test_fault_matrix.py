@@ -245,7 +245,7 @@ def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) ->
     with table_below(RATE) as run:
         assert run.set('controller', **ON)
         run.run(1.5)
-        gate = run.nodes['controller']._loop.safety_filter
+        safety_filter = run.nodes['controller']._loop.safety_filter
         assert force(run, 0.1) == pytest.approx(FORCE, abs=1.0)
         assert run.set('controller', **case.controller)
         assert run.set('sim', **case.sim)
@@ -253,7 +253,7 @@ def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) ->
         assert mode(run) is Mode.HOLDING
         assert any(case.words in line for node, line in run.graph.log if node == 'controller')
         assert case.words in run.health('controller').message
-        assert gate.count == 0
+        assert safety_filter.count == 0
 
 
 # --- an arm that does something else --------------------------------------------------------------

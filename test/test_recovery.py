@@ -275,7 +275,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     """The arm moves, and goes on moving."""
     with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
         yield shared
-        assert set(shared.observer.gate_counts) == {0}
+        assert set(shared.observer.filter_counts) == {0}
 
 
 class TestUndisturbed:

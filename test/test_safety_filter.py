@@ -1,4 +1,4 @@
-"""The gate: what it does with a reference, and how it reports that."""
+"""The safety filter: what it does with a reference, and how it reports that."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ AWAY = np.zeros(MODEL.n)  # [rad] from any end of a range
 
 
 class Guarded:
-    """A gate behind which the arm is at q (n,) [rad], and moves with dq (n,) [rad/s]."""
+    """A filter behind which the arm is at q (n,) [rad], and moves with dq (n,) [rad/s]."""
 
     def __init__(self, q: np.ndarray, dq: np.ndarray) -> None:
         limits = ('position', 'velocity', 'acceleration')

@@ -22,6 +22,7 @@ from redres_ros.loop.session import RobotSession
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer
 from redres_ros.loop.velocity_input import VelocityInput
+from redres_ros.robot_interface import HOLD
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -389,15 +390,15 @@ class CommandLoop:
         """The cycles without a command that count; after a long silence the arm is at rest."""
         self.silence = ''
         last = self.newest_response
+        interface = self._controller.robot_interface
         moves = self.mode in MOVING_MODES
-        if moves and self._missed.is_late(min(state.arrived, self._cycles.earliest_arrival)):
+        if moves and interface.bridging == HOLD and self._is_late(state):
             self._controller.go_on_from(self._commands.before)
         published = self._controller.published
         if last is None or published is None:
             return 0
         missed = max(state.cycle - last.cycle - 1, 0)
         self.skipped += missed
-        interface = self._controller.robot_interface
         if missed <= interface.restart_after:
             self._missed.count(missed, state.cycle)
             return missed
@@ -413,6 +414,10 @@ class CommandLoop:
             self._controller.hold_at(published.q if interface.holds else state.q)
             self.mode = Mode.HOLDING
         return 0
+
+    def _is_late(self, state: _State) -> bool:
+        """Whether the last response reached the robot only after this state."""
+        return self._missed.is_late(min(state.arrived, self._cycles.earliest_arrival))
 
     def _measure(self, state: _State, missed: Cycles) -> None:
         """Update measurements beside positions; they restart while motion is blocked."""

@@ -16,6 +16,8 @@ from redres_ros.loop.velocity_input import VelocityInput
 from redres_ros.robot_interface import Published
 from redres_ros.types import Cycles, JointPositions, TaskVelocity
 
+_TWIST = 6  # rows of a task velocity that has components to hold
+
 
 class Commands:
     """Updates the controller, along what the arm follows.
@@ -85,7 +87,7 @@ class Commands:
             if velocities.buffer is velocities.of_joints:
                 return self._publish(q, dx, missed)
             correction = None
-            if velocities.is_open_loop or self._pose_hold.acts:
+            if len(dx) == _TWIST and (velocities.is_open_loop or self._pose_hold.acts):
                 # what yields is not held
                 dx, correction = self._pose_hold.hold(dx, velocities.is_open_loop and not yields)
             if yields:

@@ -1,6 +1,5 @@
 """Assigns states to cycles of the robot, by stamps that jitter, drift and may be set."""
 
-from collections import deque
 from itertools import pairwise
 
 from redres_ros.errors import RedresError
@@ -67,7 +66,6 @@ class CycleCounter:
         self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
         self._in_time = 0  # stamp of the newest state with about that delay [ns]
         self._numbers: dict[int, int] = {}
-        self._stamps: deque[int] = deque()
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self._fast_since = 0  # stamp from which on states come too fast [ns]; 0: they do not
         self.rate_error = ''
@@ -219,13 +217,12 @@ class CycleCounter:
 
     def _begin(self, stamp: int, arrived: float, cycles: int) -> int:
         """Count from this stamp on, without those before."""
+        self._least_delay = arrived - stamp / NANOSECONDS
+        self._in_time = stamp
         self._late = 0.0
         self._rate = 0.0
         self._counted = 0
-        self._least_delay = arrived - stamp / NANOSECONDS
-        self._in_time = stamp
         self._numbers.clear()
-        self._stamps.clear()
         self._go_on(stamp, arrived, max(cycles, 1))
         return cycles
 
@@ -237,7 +234,6 @@ class CycleCounter:
         self._behind = 0
         self._apart = 0
         self._numbers[stamp] = self.number
-        self._stamps.append(stamp)
-        if len(self._stamps) > _REMEMBERED:
-            del self._numbers[self._stamps.popleft()]
+        if len(self._numbers) > _REMEMBERED:
+            del self._numbers[next(iter(self._numbers))]  # the oldest
         return cycles

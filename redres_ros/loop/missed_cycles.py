@@ -59,4 +59,4 @@ class MissedCycles:
 
         One that holds executes only the second of them, which would be a step of two cycles.
         """
-        return self._holds and published - self.sent < self._together
+        return published - self.sent < self._together

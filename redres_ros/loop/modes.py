@@ -64,7 +64,7 @@ class Conditions(NamedTuple):
     at_rest: bool
 
 
-class Transition(NamedTuple):
+class _Transition(NamedTuple):
     """A transition under a condition."""
 
     condition: str
@@ -73,34 +73,34 @@ class Transition(NamedTuple):
 
 
 # In each mode the first transition that applies counts.
-TRANSITIONS: dict[Mode, tuple[Transition, ...]] = {
-    Mode.INACTIVE: (Transition('active', True, Mode.HOLDING),),
+_TRANSITIONS: dict[Mode, tuple[_Transition, ...]] = {
+    Mode.INACTIVE: (_Transition('active', True, Mode.HOLDING),),
     Mode.MIRRORING: (
-        Transition('active', False, Mode.INACTIVE),
-        Transition('commandable', True, Mode.HOLDING),
+        _Transition('active', False, Mode.INACTIVE),
+        _Transition('commandable', True, Mode.HOLDING),
     ),
     Mode.HOLDING: (
-        Transition('active', False, Mode.INACTIVE),
-        Transition('commandable', False, Mode.MIRRORING),
-        Transition('motion_asked', True, Mode.MOVING),
+        _Transition('active', False, Mode.INACTIVE),
+        _Transition('commandable', False, Mode.MIRRORING),
+        _Transition('motion_asked', True, Mode.MOVING),
     ),
     Mode.MOVING: (
-        Transition('commandable', False, Mode.MIRRORING),
-        Transition('at_rest', True, Mode.HOLDING),
-        Transition('motion_allowed', False, Mode.STOPPING),
+        _Transition('commandable', False, Mode.MIRRORING),
+        _Transition('at_rest', True, Mode.HOLDING),
+        _Transition('motion_allowed', False, Mode.STOPPING),
     ),
     Mode.STOPPING: (
-        Transition('commandable', False, Mode.MIRRORING),
-        Transition('at_rest', True, Mode.HOLDING),
-        Transition('motion_asked', True, Mode.MOVING),
+        _Transition('commandable', False, Mode.MIRRORING),
+        _Transition('at_rest', True, Mode.HOLDING),
+        _Transition('motion_asked', True, Mode.MOVING),
     ),
 }
 
 
 def next_mode(mode: Mode, conditions: Conditions) -> Mode:
     """The mode at a state of the robot, after that of the state before."""
-    for _ in TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node
-        for condition, value, following in TRANSITIONS[mode]:
+    for _ in _TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node
+        for condition, value, following in _TRANSITIONS[mode]:
             if getattr(conditions, condition) is value:
                 mode = following
                 break
