@@ -58,7 +58,7 @@ class _DynamicsParameters:
     )
 
 
-class ChosenRobot(NamedTuple):
+class _ChosenRobot(NamedTuple):
     """What the parameter `robot` says, and the arm with the node's limits and dynamics."""
 
     name: str
@@ -67,7 +67,7 @@ class ChosenRobot(NamedTuple):
 
 def declare_robot(
     node: Node, *, is_the_robot: bool = False, has_dynamics: bool = True
-) -> ChosenRobot:
+) -> _ChosenRobot:
     """Declare the parameters of the arm. With `topic`, wait until the description has come.
 
     Args:
@@ -93,7 +93,7 @@ def declare_robot(
         dynamics = declare(node, _DynamicsParameters(arm.dynamics))
         arm = replace(arm, dynamics=dynamics.dynamics)
     arm.kinematics()  # refuses limits of another number of joints
-    return ChosenRobot(wanted.robot, arm)
+    return _ChosenRobot(wanted.robot, arm)
 
 
 def make_arm(robot: str, tip_frame: str, await_description: Callable[[], str]) -> Arm:
