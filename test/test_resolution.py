@@ -12,6 +12,7 @@ from redres_ros.errors import ArrayError
 from redres_ros.resolution import (
     SINGULAR_RATIO,
     Factor,
+    Solution,
     Square,
     _resolve_carefully,
     resolve,
@@ -309,6 +310,13 @@ def test_a_third_task_is_best_below_a_second_one_that_the_first_decides(arm, pow
         assert dq == pytest.approx(expected, abs=1e-7)
         compared += 1
     assert compared > 30
+
+
+def test_what_is_desired_is_what_is_executed_and_what_a_singularity_blocks():
+    executed = np.array((0.1, 0.2, 0.3))
+    assert (Solution(np.zeros(7), np.eye(3, 7), executed).desired == executed).all()
+    solution = Solution(np.zeros(7), np.eye(3, 7), executed, np.ones(3))
+    assert (solution.desired == executed + 1.0).all()
 
 
 # --- what cannot be used --------------------------------------------------------------------------
