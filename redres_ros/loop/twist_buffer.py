@@ -211,7 +211,7 @@ class TwistBuffer:
         if old.start.cycle < 0:  # from rest
             return expected - target, 1
         spread = _RETURN * last.guesses if old.dense else line.start.cycle - old.start.cycle
-        return expected - target, spread
+        return expected - target, max(spread, 1)
 
     def _cycles_needed(self, change: TaskVelocity) -> Cycles:
         """Over so many cycles a change keeps to the largest accelerations."""
