@@ -17,7 +17,7 @@ from redres_ros.errors import RedresError
 from redres_ros.robot_model import RobotState
 from redres_ros.types import Cycles, Seconds, TaskVelocity, Wrench
 
-# A robot's own workspace and speed limits leave room for these, and a surface a dent of them.
+# A robot's own workspace and speed limits allow these, and a surface takes a dent of them.
 _SEARCH_SPEED = 0.02  # [m/s], largest at which a contact is approached
 _SEARCH_DISTANCE = 0.05  # [m] after which an approach without contact ends
 _RETREAT_SPEED = 0.02  # [m/s]

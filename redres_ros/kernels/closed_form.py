@@ -366,7 +366,7 @@ def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> Non
 @direct
 @compiled((float64, vector(), float64, matrix(), vector(), float64[::1]))
 def free_motion(
-    forgetting: float, dq: np.ndarray, T: float, M: np.ndarray, n: np.ndarray, b: np.ndarray
+    forgetting_factor: float, dq: np.ndarray, T: float, M: np.ndarray, n: np.ndarray, b: np.ndarray
 ) -> None:
     """Write lambda dq - T M^-1 n, Eq. (27) and (32), into b; NaN for an M that is not definite.
 
@@ -380,4 +380,4 @@ def free_motion(
     _solve_lower(U, x)
     _solve_upper(U, x)  # -M^-1 n
     for i in range(len(n)):
-        b[i] = forgetting * dq[i] + T * x[0, i]
+        b[i] = forgetting_factor * dq[i] + T * x[0, i]
