@@ -336,7 +336,13 @@ class Controller:
         missed: Cycles = 0,
         correction: TaskVelocity | None = None,
     ) -> Plan:
-        """The next reference, for commit(); arguments and errors as of update()."""
+        """The next reference, for commit(); arguments as of update().
+
+        Raises:
+            ArrayError: As update().
+            RangeError: As update().
+            DivergedError: As update().
+        """
         if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
         are_arrays = type(q) is type(dx) is np.ndarray and q.dtype is dx.dtype is FLOAT64

@@ -98,7 +98,10 @@ class Measurements:
     def enter(
         self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
     ) -> None:
-        """Record a finite vector that a preference or limit uses by this name; see enter_wrench().
+        """Record what a preference or limit uses by this name; see enter_wrench().
+
+        Args:
+            value: (k,), finite.
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
