@@ -14,7 +14,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
-from redres_ros.paper.figures.sketches import figure_1
+from redres_ros.paper.sketches import figure_1
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage

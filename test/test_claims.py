@@ -8,34 +8,25 @@ import pytest
 
 from redres_ros.cli import main
 from redres_ros.errors import FileError
-from redres_ros.paper import claims, figures
-from redres_ros.paper.claims import (
-    CLAIMS,
-    Claim,
-    Finding,
-    assumptions,
-    check_all,
-    damping,
-    table,
-    theoretical,
-    write_csv,
-)
+from redres_ros.paper import claims, figures, theory
+from redres_ros.paper.claim import Claim, Finding, check_all, table, write_csv
+from redres_ros.paper.claims import CLAIMS
 from redres_ros.paper.runs import Runs
 
 pytestmark = pytest.mark.slow
 
 CHEAP = (
-    theoretical._square_task,
-    theoretical._two_forms,
-    theoretical._special_case_35,
-    theoretical._optimality,
-    damping._resting_place,
-    damping._regimes,
-    theoretical._damped_variation,
-    theoretical._several_tasks,
-    theoretical._unneeded_joint,
-    damping._stops_at_once,
-    assumptions._geometry,
+    theory._square_task,
+    theory._two_forms,
+    theory._special_case_35,
+    theory._optimality,
+    theory._resting_place,
+    theory._regimes,
+    theory._damped_variation,
+    theory._several_tasks,
+    theory._unneeded_joint,
+    theory._stops_at_once,
+    claims._geometry,
 )
 
 
@@ -53,13 +44,13 @@ def test_what_is_proved_in_the_paper_holds(runs: Runs, claim: Claim) -> None:
 def test_a_law_that_is_not_optimal_is_found_out(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    resolve = theoretical.resolve
+    resolve = theory.resolve
 
     def spoiled(*arguments: np.ndarray) -> np.ndarray:
         return resolve(*arguments) + 1e-6
 
-    monkeypatch.setattr(theoretical, 'resolve', spoiled)
-    assert not theoretical._optimality.measure(runs).held
+    monkeypatch.setattr(theory, 'resolve', spoiled)
+    assert not theory._optimality.measure(runs).held
 
 
 def test_the_page_lists_each_claim_once_with_what_was_measured() -> None:

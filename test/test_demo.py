@@ -20,8 +20,7 @@ from graph_helpers import PATIENCE, await_that, graph, is_running
 from nightly import NIGHTLY
 
 from redres_ros.controller import Controller
-from redres_ros.demo.demo import Demo
-from redres_ros.demo.processes import DemoOptions
+from redres_ros.demo.demo import Demo, DemoOptions
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task

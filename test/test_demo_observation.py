@@ -158,7 +158,6 @@ def test_rounds_are_what_the_planner_moved_through_until_the_robot_stopped() -> 
     log = graph.log
     assert ticks(log.under_way()) == [10, 11, 12, 20, 21, 22]
     assert log.stopped() == (22 * PERIOD, 'a reason')
-    assert not log.finished()
 
 
 def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:

@@ -12,13 +12,13 @@ from nightly import by_day
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import RangeError
 from redres_ros.paper import equivalence
-from redres_ros.paper.claims.claim import ROUNDING
+from redres_ros.paper.claim import ROUNDING
 from redres_ros.paper.equivalence import (
     LostMotionError,
+    _yardstick,
     convergence,
     difference,
     integrate,
-    yardstick,
 )
 from redres_ros.paper.second_order import SCHEMES, MinimumAccelerationScheme, make_scheme
 
@@ -87,7 +87,7 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
 ):
     monkeypatch.setattr(
         equivalence,
-        'yardstick',
+        '_yardstick',
         lambda name, damping, T, preference: make_scheme(name, damping + excess),
     )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
@@ -96,11 +96,11 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
 
 def test_the_yardstick_of_a_law_is_the_scheme_of_its_name():
     for name, cls in SCHEMES.items():
-        assert yardstick(name, 3.0, 0.001) == cls(3.0)
+        assert _yardstick(name, 3.0, 0.001) == cls(3.0)
 
 
 def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
-    assert yardstick('minimum_velocity', 10.0, 0.001) == MinimumAccelerationScheme(1000.0)
+    assert _yardstick('minimum_velocity', 10.0, 0.001) == MinimumAccelerationScheme(1000.0)
 
 
 # --- continuous -----------------------------------------------------------------------------------

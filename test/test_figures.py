@@ -10,17 +10,16 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from redres_ros.paper import figures as figures_module
+from redres_ros.paper import figures as drawing
 from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.experiment import Experiment, MeasuredMotion
-from redres_ros.paper.figures import FIGURES, draw_all, motions
-from redres_ros.paper.figures.norms import torque_norm
+from redres_ros.paper.figures import FIGURES, draw_all
 from redres_ros.paper.runs import Runs
 from redres_ros.planning.waypoints import WaypointTask
 
 pytestmark = pytest.mark.nightly
 
-FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
+FRAMES = 6  # pictures of a motion
 UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 PAGE = Path(__file__).parents[1] / 'docs' / 'the_paper.md'
 # Axes of each figure; of a motion one for the paths, and the pictures
@@ -96,7 +95,7 @@ def test_a_stop_is_marked_and_reported(runs):
 def test_the_files_are_named_for_their_numbers_and_progress_is_reported(
     runs, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(figures_module, 'FIGURES', {n: FIGURES[n] for n in (1, 2, 10)})
+    monkeypatch.setattr(drawing, 'FIGURES', {n: FIGURES[n] for n in (1, 2, 10)})
     shares: list[float] = []
     files = draw_all(tmp_path / 'new', shares.append, runs)
     assert [path.name for path in files.values()] == [f'figure_{n}.png' for n in ('01', '02', '10')]
@@ -133,4 +132,6 @@ def test_the_torque_of_a_motion_is_inertia_times_acceleration_and_gravity(runs):
     ddq = np.arange(1.0, 8.0)
     state = model.state(q, np.zeros(7))
     moved = MeasuredMotion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
-    assert torque_norm(moved, model) == pytest.approx([np.linalg.norm(state.M @ ddq + state.n)])
+    assert drawing._torque_norm(moved, model) == pytest.approx(
+        [np.linalg.norm(state.M @ ddq + state.n)]
+    )

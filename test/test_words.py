@@ -10,7 +10,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from redres_ros import RobotModel
 from redres_ros.cli.demo import after, before
-from redres_ros.demo.processes import DemoOptions
+from redres_ros.demo.demo import DemoOptions
 
 PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'limits': ('none',)})
 

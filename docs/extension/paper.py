@@ -7,8 +7,8 @@ from pathlib import Path
 from sphinx.errors import ExtensionError
 
 from extension.markdown import plain, table
+from redres_ros.paper.claim import ASSUMPTION, PAPER
 from redres_ros.paper.claims import CLAIMS
-from redres_ros.paper.claims.claim import ASSUMPTION, PAPER
 
 DOCS = Path(__file__).resolve().parents[1]
 SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION}

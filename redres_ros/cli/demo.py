@@ -15,9 +15,8 @@ from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
-    from redres_ros.demo.demo import Demo
+    from redres_ros.demo.demo import Demo, DemoOptions
     from redres_ros.demo.outcome import Outcome
-    from redres_ros.demo.processes import DemoOptions
     from redres_ros.robot_model import RobotModel
 
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
@@ -95,8 +94,7 @@ def _demo(options: argparse.Namespace) -> int:
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
-    from redres_ros.demo.demo import Demo
-    from redres_ros.demo.processes import DemoOptions
+    from redres_ros.demo.demo import Demo, DemoOptions
 
     default = 'side_to_side' if options.duration else 'rectangle'
     switches = tuple(map(_switch, options.switch or ()))

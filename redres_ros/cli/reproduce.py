@@ -19,7 +19,8 @@ def add(commands: Any) -> None:
 
 def _reproduce(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made
-    from redres_ros.paper.claims import CLAIMS, check_all, table, write_csv
+    from redres_ros.paper.claim import check_all, table, write_csv
+    from redres_ros.paper.claims import CLAIMS
     from redres_ros.paper.figures import draw_all
     from redres_ros.paper.runs import Runs
     from redres_ros.simulation.report import progress_bar

@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -16,8 +17,8 @@ from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
 from redres_ros.nodes.conversions import JointMapper
-from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE
-from redres_ros.nodes.wire import deserialised, stamp_of
+from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
+from redres_ros.nodes.wire import deserialised, stamp_of, to_nanoseconds
 from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.resolution import Solution
@@ -39,26 +40,18 @@ _STAMPED = {
     DESIRED: PoseStamped,
     FORCES: WrenchStamped,
 }
-_UNSTAMPED = {
-    SEGMENT: Int32,
-    TASK_STATE: String,
-    LAW: String,
-    SCALING: Float64,
-    REASON: String,
-    SESSION: String,
-}
-# What the node publishes in the same callback, and before it, gives these a stamp.
-_CLOCKS = {
-    SEGMENT: DESIRED,
-    TASK_STATE: DESIRED,
-    LAW: COMMANDS,
-    SCALING: COMMANDS,
-    REASON: STATES,
-    SESSION: STATES,
+# Without stamps; what the node publishes in the same callback, and before it, gives them one.
+_UNSTAMPED: dict[str, tuple[type, str]] = {
+    SEGMENT: (Int32, DESIRED),
+    TASK_STATE: (String, DESIRED),
+    LAW: (String, COMMANDS),
+    SCALING: (Float64, COMMANDS),
+    REASON: (String, STATES),
+    SESSION: (String, STATES),
 }
 # Best effort: an observer must not delay the nodes. Deep enough for some seconds without a look.
 _DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
-_LATCHED = (TASK_STATE, REASON, SESSION)
+_LATCHED = (TASK_BEGUN, TASK_STATE, REASON, SESSION)
 _DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _HELD_UP = 1.5  # cycles between two states, beyond which the robot's clock stood still
 
@@ -73,6 +66,7 @@ class Log:
         forces: Forces of the environment on the tip, (3,) [N].
         sent: When a stamped message was published [ns], by topic and stamp.
         newest: Stamp of the newest state; 0 before the first.
+        began: Stamp at which a task began last; 0 before the first.
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
@@ -82,7 +76,10 @@ class Log:
         self.forces: dict[int, np.ndarray] = {}
         self.sent: dict[str, dict[int, int]] = {topic: {} for topic in _STAMPED}
         self.newest = 0
-        self._topics = {**_STAMPED, **_UNSTAMPED}  # that are followed
+        self.began = 0
+        unstamped = {topic: kind for topic, (kind, _) in _UNSTAMPED.items()}
+        self._topics: dict[str, type] = {TASK_BEGUN: Time, **_STAMPED, **unstamped}
+        self._is_closed = False
         self._joints = JointMapper(joint_names)
         self._changes: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in _UNSTAMPED}
         self._last_data: dict[str, bytes] = {}  # of topics without stamps
@@ -99,20 +96,23 @@ class Log:
         for topic in self._topics.keys() - {STATES}:
             samples.remove(topic)
         self._topics = {STATES: JointState}
+        self._is_closed = True
 
     def enter(self, topic: str, sample: Sample) -> None:
         """Enter a message; of those without a stamp, the changes."""
-        if topic in _STAMPED:
+        if topic == TASK_BEGUN:
+            self.began = to_nanoseconds(deserialised(sample.data, Time))
+        elif topic in _STAMPED:
             stamp = stamp_of(sample.data)
             if topic == STATES:
                 self.newest = stamp
-                if LAW not in self._topics:  # closed
-                    return
-            self.sent[topic].setdefault(stamp, sample.sent)  # a robot that waits repeats a state
-            self._enter_stamped(topic, stamp, deserialised(sample.data, _STAMPED[topic]))
+            if not self._is_closed:
+                # A robot that waits repeats a state.
+                self.sent[topic].setdefault(stamp, sample.sent)
+                self._enter_stamped(topic, stamp, deserialised(sample.data, _STAMPED[topic]))
         elif self._last_data.get(topic) != sample.data:
             self._last_data[topic] = sample.data
-            value = deserialised(sample.data, _UNSTAMPED[topic]).data
+            value = deserialised(sample.data, self._topics[topic]).data
             self._changes[topic].append((sample.sent, value))
 
     def _enter_stamped(self, topic: str, stamp: int, message: Any) -> None:
@@ -135,7 +135,7 @@ class Log:
 
     def changes(self, topic: str) -> dict[int, Any]:
         """The values of a topic without stamps, by the stamp at which each was new; 0: before."""
-        clock = self.sent[_CLOCKS[topic]]
+        clock = self.sent[_UNSTAMPED[topic][1]]
         stamps = [0, *clock]
         times = list(clock.values())
         return {stamps[bisect_right(times, sent)]: value for sent, value in self._changes[topic]}
@@ -147,10 +147,6 @@ class Log:
             return [default] * len(stamps)
         known = sorted(changes)
         return [changes[known[max(bisect_right(known, stamp) - 1, 0)]] for stamp in stamps]
-
-    def finished(self) -> bool:
-        """Whether the last point was reached, the last time if there were several."""
-        return self.words(TASK_STATE)[-1:] == (TaskState.FINISHED.value,)
 
     def stopped(self) -> tuple[float, str]:
         """Stamp at which the robot stopped itself, and why; infinite and empty if it did not."""
@@ -231,17 +227,10 @@ def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, fl
 def replay(
     log: Log, model: RobotModel, make_law: Callable[[str], Law], T: float, pose: bool = False
 ) -> Recording:
-    """The table of a run, from the stamp at which the task began.
+    """The table of a run with laws of these gains, from the stamp at which the task began.
 
     A state without a command has no row. Norms of accelerations reach back to the last command,
     which is more than T ago where a cycle was missed.
-
-    Args:
-        log: Log of the run.
-        model: Model of the arm.
-        make_law: The law of a name, with the gains that it had.
-        T: Sampling time.
-        pose: Whether the task has an orientation.
     """
     under_way = log.under_way()
     poses: dict[int, tuple[np.ndarray, str, float, int]] = {}
@@ -270,7 +259,8 @@ def replay(
         dq_prev = dq
         stamp_prev = stamp
     _, reason = log.stopped()
-    return recorder.recording(reason, finished=log.finished() and not reason)
+    is_finished = log.words(TASK_STATE)[-1:] == (TaskState.FINISHED.value,)  # the last time
+    return recorder.recording(reason, finished=is_finished and not reason)
 
 
 def _reference(desired: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:

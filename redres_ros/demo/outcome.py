@@ -94,18 +94,9 @@ class Outcome:
 
     def write_json(self, path: Path) -> None:
         """Write the same values in SI units. Raises FileError."""
-        content = {
-            'task': self.ending,
-            'stop_reason': self.stop_reason,
-            'session': self.session,
-            'switches': self.switches,
-            'planner_missed': self.planner_missed,
-            'cycles': self.cycles,
-            'motion': self.motion,
-            'pressing': self.pressing,
-            'endurance': self.endurance,
-        }
-        write_json(content, path)
+        names = ('stop_reason', 'session', 'switches', 'planner_missed')
+        names += ('cycles', 'motion', 'pressing', 'endurance')
+        write_json({'task': self.ending, **{name: getattr(self, name) for name in names}}, path)
 
 
 def motion_values(recording: Recording, task: WaypointTask, final_error: float) -> _Values:
@@ -142,10 +133,7 @@ def pressing_values(forces: np.ndarray, desired: Sequence[float]) -> _Values | N
 
     `rms` and `largest` are of its error, from a second after the first touch on [N], `peak` is the
     force before [N], and `contact_lost` the number of states without contact after the first touch.
-
-    Args:
-        forces: Times [s] and forces [N], (N, 4).
-        desired: Desired force [N], to which a moment may be added; empty: none.
+    Forces are (N, 4), with their times [s]; a moment may follow the desired force.
     """
     direction = np.array(desired[:3])
     size = float(np.linalg.norm(direction))

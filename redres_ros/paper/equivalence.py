@@ -20,7 +20,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.types import JointPositions, Seconds, TaskVelocity, Times
 
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
-PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
+_PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
 
 _RTOL = 1e-10
 _ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
@@ -61,7 +61,7 @@ def difference(
     damping k_d [1/s] and the preference. Raises UnknownNameError for a law without yardstick.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
-    scheme = yardstick(law_name, damping, T, preference)
+    scheme = _yardstick(law_name, damping, T, preference)
     preferences = (preference,) if preference else ()
     controller = Controller(model, make_law(law_name, damping=damping), T, preferences=preferences)
     law = _Accompanied(controller, scheme)
@@ -78,7 +78,7 @@ def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
     return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
 
 
-def yardstick(
+def _yardstick(
     law_name: str, damping: float, T: Seconds, preference: Preference | None = None
 ) -> Scheme:
     """The scheme of second order that a law is compared with. Raises UnknownNameError.
@@ -138,7 +138,7 @@ def convergence(
     law_name: str,
     damping: float,
     task: WaypointTask,
-    periods: tuple[float, ...] = PERIODS,
+    periods: tuple[float, ...] = _PERIODS,
     *,
     model: RobotModel | None = None,
 ) -> Convergence:

@@ -83,15 +83,6 @@ class _Setup:
     is_reversed: bool = False
     T: float = SIMULATION_T
 
-    @property
-    def parameters(self) -> str:
-        """Damping and sampling time, for a title."""
-        damping = ''
-        if self.damping is not None:
-            factor = 1.0 - self.damping * self.T
-            damping = rf', $k_d$ = {self.damping:g} s$^{{-1}}$ ($\lambda$ = {factor:.4g})'
-        return f'{damping}, T = {1e3 * self.T:g} ms'
-
     def task(self, runs: Runs) -> WaypointTask:
         """What is executed."""
         return runs.reversed_task if self.is_reversed else runs.task
@@ -106,7 +97,7 @@ class _Setup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulation(_Setup):
+class _Simulation(_Setup):
     """Section 5: an ideal arm.
 
     Attributes:
@@ -128,7 +119,7 @@ class Simulation(_Setup):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotRun(_Setup):
+class _RobotRun(_Setup):
     """Section 6: the arm behind the fake robot.
 
     Attributes:
@@ -157,10 +148,15 @@ class RobotRun(_Setup):
 def title(number: int, name: str, scheme: str = '') -> str:
     """The title of a run's figure, or of a law's run beside that of a scheme."""
     run = MOTIONS[name]
-    kind = 'Simulation' if isinstance(run, Simulation) else 'Experiment'
+    kind = 'Simulation' if isinstance(run, _Simulation) else 'Experiment'
     other = f' and scheme ({MOTIONS[scheme].equation})' if scheme else ''
+    damping = ''
+    if run.damping is not None:
+        factor = 1.0 - run.damping * run.T
+        damping = rf', $k_d$ = {run.damping:g} s$^{{-1}}$ ($\lambda$ = {factor:.4g})'
+    period = f', T = {1e3 * run.T:g} ms'
     order = ',\npoints in reverse order' if run.is_reversed else ''
-    return f'Figure {number}. {kind}: {run.law} ({run.equation}){other}{run.parameters}{order}'
+    return f'Figure {number}. {kind}: {run.law} ({run.equation}){other}{damping}{period}{order}'
 
 
 def two_rounds(law: str, damping: float, dynamics: str) -> str:
@@ -188,26 +184,26 @@ def _convergence(law: str) -> Callable[[Runs], Any]:
     return lambda runs: convergence(law, SIMULATION_DAMPING, runs.task)
 
 
-_LEAST_VELOCITY = RobotRun('2', 'minimum_velocity', seed=1)
-_LEAST_ACCELERATION = RobotRun('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, seed=2)
-_CONSISTENT = RobotRun('35', 'dynamically_consistent', 1.0 / _EXPERIMENT_T, seed=6)
+_LEAST_VELOCITY = _RobotRun('2', 'minimum_velocity', seed=1)
+_LEAST_ACCELERATION = _RobotRun('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, seed=2)
+_CONSISTENT = _RobotRun('35', 'dynamically_consistent', 1.0 / _EXPERIMENT_T, seed=6)
 
 # A number in a name is that of the paper's equation.
-MOTIONS: dict[str, Simulation | RobotRun] = {
-    'simulated_23': Simulation('23', 'minimum_acceleration', SIMULATION_DAMPING),
-    'simulated_22': Simulation('22', 'minimum_acceleration', SIMULATION_DAMPING, is_scheme=True),
-    'simulated_15': Simulation('15', 'minimum_acceleration', 0.0),
-    'simulated_35': Simulation('35', 'dynamically_consistent', 1.0 / SIMULATION_T),
-    'simulated_29': Simulation('29', 'dynamically_consistent', 1.0 / SIMULATION_T, is_scheme=True),
+MOTIONS: dict[str, _Simulation | _RobotRun] = {
+    'simulated_23': _Simulation('23', 'minimum_acceleration', SIMULATION_DAMPING),
+    'simulated_22': _Simulation('22', 'minimum_acceleration', SIMULATION_DAMPING, is_scheme=True),
+    'simulated_15': _Simulation('15', 'minimum_acceleration', 0.0),
+    'simulated_35': _Simulation('35', 'dynamically_consistent', 1.0 / SIMULATION_T),
+    'simulated_29': _Simulation('29', 'dynamically_consistent', 1.0 / SIMULATION_T, is_scheme=True),
     # At the sampling time of the experiments, by an arm that nothing stops:
-    'ideal_2': Simulation('2', 'minimum_velocity', T=_EXPERIMENT_T),
-    'ideal_23': Simulation('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, T=_EXPERIMENT_T),
-    'ideal_15': Simulation('15', 'minimum_acceleration', 0.0, T=_EXPERIMENT_T),
+    'ideal_2': _Simulation('2', 'minimum_velocity', T=_EXPERIMENT_T),
+    'ideal_23': _Simulation('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, T=_EXPERIMENT_T),
+    'ideal_15': _Simulation('15', 'minimum_acceleration', 0.0, T=_EXPERIMENT_T),
     # The next point as soon as the error is below 1 mm:
-    'early_23': Simulation(
+    'early_23': _Simulation(
         '23', 'minimum_acceleration', SIMULATION_DAMPING, switching='within_tolerance'
     ),
-    'early_15': Simulation('15', 'minimum_acceleration', 0.0, switching='within_tolerance'),
+    'early_15': _Simulation('15', 'minimum_acceleration', 0.0, switching='within_tolerance'),
     'measured_2': _LEAST_VELOCITY,
     'measured_2_without_stop': replace(_LEAST_VELOCITY, stops=False),
     'measured_23': _LEAST_ACCELERATION,
@@ -219,7 +215,7 @@ MOTIONS: dict[str, Simulation | RobotRun] = {
     'measured_29': replace(_CONSISTENT, equation='29', is_scheme=True, is_reversed=True, seed=8),
     # Longer tasks, of which Section 4.1 speaks:
     **{
-        two_rounds(law, *rest): Simulation(equation, law, rest[0], dynamics=rest[1], rounds=2)
+        two_rounds(law, *rest): _Simulation(equation, law, rest[0], dynamics=rest[1], rounds=2)
         for law, equation in {'minimum_weighted_torque': '27', 'minimum_torque': '7'}.items()
         for rest in product((0.0, SIMULATION_DAMPING), (EXPERIMENT_DYNAMICS, SIMULATION_DYNAMICS))
     },
