@@ -1,7 +1,7 @@
 """The outcome of a demo in values: a table for the terminal, and a summary in a file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +94,7 @@ class Outcome:
 
     def write_json(self, path: Path) -> None:
         """Write the same values in SI units. Raises FileError."""
-        names = ('stop_reason', 'session', 'switches', 'planner_missed')
-        names += ('cycles', 'motion', 'pressing', 'endurance')
+        names = [each.name for each in fields(self) if each.name not in ('recording', 'forces')]
         write_json({'task': self.ending, **{name: getattr(self, name) for name in names}}, path)
 
 
