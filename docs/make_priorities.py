@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros import Controller, RobotModel, load_task
-from redres_ros.rotation import rotation_vector
+from redres_ros.geometry import rotation_vector
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording

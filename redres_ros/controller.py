@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import ROBOT_INTERFACES, Command, Published, RobotInterface
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.kernels.tick import are_usable, differentiate, integrate
 from redres_ros.laws import Law
@@ -18,7 +18,6 @@ from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Solution
-from redres_ros.robot_interface import ROBOT_INTERFACES, Published, RobotInterface
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
 from redres_ros.types import (

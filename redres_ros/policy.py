@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from redres_ros.errors import RedresError
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.laws import LAWS, Law
 from redres_ros.parameter import Parameter, as_tuple, check_value
 from redres_ros.preferences import PREFERENCES, Preference

@@ -16,7 +16,7 @@ from nightly import by_day
 
 from redres_ros import LAWS, Controller, RobotModel, RobotState, load_task, make_law
 from redres_ros.cli import main, make_parser
-from redres_ros.laws.laws import MinimumAcceleration
+from redres_ros.laws import MinimumAcceleration
 from redres_ros.parameter import param
 from redres_ros.robots import ARMS
 from redres_ros.simulation import random_tasks

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.command import RobotInterface
 from redres_ros.errors import ArrayError
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.loop.faults import LeapError
@@ -19,7 +20,6 @@ from redres_ros.loop.measurements import MeasurementAgeError
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.velocity_input import TwistAgeError, TwistSpeedError
-from redres_ros.robot_interface import RobotInterface
 from redres_ros.robots import find_arm
 
 T = 0.002  # [s]

@@ -8,9 +8,9 @@ from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, 
 
 from redres_ros import Controller, RobotModel
 from redres_ros.errors import UnknownNameError
+from redres_ros.geometry import rotation_matrix, rotation_vector
 from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
-from redres_ros.rotation import rotation_matrix, rotation_vector
 from redres_ros.solver import Box, Constrained, solve_constrained
 
 MANY = 20_000 if NIGHTLY else 150

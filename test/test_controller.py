@@ -21,10 +21,10 @@ from redres_ros import (
     make_law,
     resolve,
 )
+from redres_ros.command import Published
 from redres_ros.errors import ArrayError, RangeError, RedresError
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.policy import Policy
-from redres_ros.robot_interface import Published
 
 T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]

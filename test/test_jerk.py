@@ -8,10 +8,10 @@ from nightly import NIGHTLY
 from scipy.optimize import linprog
 
 from redres_ros import LAWS, Controller, RobotModel
+from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.kernels.boxes import BOXES, fill_boxes
 from redres_ros.limits import make_limits
 from redres_ros.limits.limit import no_limits
-from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.robot_model import RobotState
 from redres_ros.robots.joint_limits import JointLimits
 

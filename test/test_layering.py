@@ -12,11 +12,12 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own subpackage.
 LAYERS = (
-    {'errors', 'interpolation'},
+    {'errors'},
     {'types'},
-    {'files', 'robot_interface'},
+    {'files'},
     {'kernels'},
-    {'parameter', 'rotation', 'robots'},
+    {'geometry'},
+    {'parameter', 'robots'},
     {'resolution', 'robot_model'},
     {'solver'},
     {'laws', 'tasks', 'preferences'},

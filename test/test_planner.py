@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.planning.planner import Reference, TargetFollower
 
 T = 0.001  # [s]

@@ -70,7 +70,7 @@ def test_a_law_of_ones_own_is_a_choice_of_every_command(capsys: pytest.CaptureFi
         ('import no_such_package', 'cannot be loaded: ModuleNotFoundError'),
         ('x = 1', 'defines no law, preference, task or limit'),
         (
-            'from redres_ros.laws.laws import MinimumVelocity as Base\n'
+            'from redres_ros.laws import MinimumVelocity as Base\n'
             'class MinimumVelocity(Base): pass',
             'defines minimum_velocity, which exists already',
         ),

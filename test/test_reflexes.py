@@ -13,11 +13,11 @@ from fake_robot_helpers import Connection
 from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task
+from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.profile import Reflex
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
-from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from redres_ros.rotation import (
+from redres_ros.geometry import (
     from_quaternion,
     from_roll_pitch_yaw,
     rotation_matrix,

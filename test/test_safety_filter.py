@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from redres_ros import Command, Controller, RobotModel, make_law
+from redres_ros.command import Published
 from redres_ros.loop.safety_filter import SafetyFilter
-from redres_ros.robot_interface import Published
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('lwr4_paper')

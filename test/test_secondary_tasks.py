@@ -20,8 +20,8 @@ from redres_ros import (
     make_task,
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.geometry import rotation_matrix, rotation_vector, to_quaternion
 from redres_ros.planning.planner import Planner
-from redres_ros.rotation import rotation_matrix, rotation_vector, to_quaternion
 from redres_ros.tasks import Axis, Joint, Orientation, Pose, Position
 
 T = 0.002  # [s]

@@ -11,7 +11,7 @@ from nightly import by_day
 from scipy.optimize import linprog, minimize
 
 from redres_ros import LAWS, Command, Controller, RobotModel, make_law
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.resolution import SINGULAR_RATIO
 from redres_ros.robots import ARMS
 from redres_ros.singularity import escape

@@ -12,10 +12,10 @@ from reference_judge import ReferenceJudge, judge_graph
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import RobotModel
+from redres_ros.geometry import rotation_matrix
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.rotation import rotation_matrix
 
 pytestmark = pytest.mark.slow
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from redres_ros import load_task
+from redres_ros.geometry import rotation_matrix
 from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.planning.goals import Goal, straight_segment
 from redres_ros.planning.joint_path import JointPath
@@ -11,7 +12,6 @@ from redres_ros.planning.planner import Planner
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
-from redres_ros.rotation import rotation_matrix
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer
 

@@ -17,12 +17,12 @@ from reference_model import ReferenceModel
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, RedresError, UnknownNameError
 from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.geometry import from_roll_pitch_yaw
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.robots.from_urdf import SquareTask, square_before_tip
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.rotation import from_roll_pitch_yaw
 from redres_ros.simulation.closed_loop import run
 
 EXAMPLES = Path(__file__).parents[1] / 'examples'

@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotState
 from redres_ros.types import Rotation, Seconds, TaskVelocity, Wrench

@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.command import Command
+from redres_ros.geometry import from_quaternion
 from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
@@ -23,7 +24,6 @@ from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import MotionRecorder, Recording
 
 STATES = 'joint_states'

@@ -1,16 +1,131 @@
-"""The laws of the paper by name. A new law is one small class and one line in this table."""
+"""The six laws of the paper, each a weight W and a bias b of the same problem.
 
-from redres_ros.laws.laws import (
-    DynamicallyConsistent,
-    Law,
-    MinimumAcceleration,
-    MinimumKineticEnergy,
-    MinimumTorque,
-    MinimumVelocity,
-    MinimumWeightedTorque,
-)
-from redres_ros.parameter import Table
+    minimise 1/2 (dq - b)' W (dq - b)   subject to   J dq = dx           Eq. (A.13)
 
+| law                     | W    | b                                        | Eq.                |
+|-------------------------|------|------------------------------------------|--------------------|
+| minimum velocity        | I    | 0                                        | (2), dq_N = 0      |
+| minimum acceleration    | I    | lambda dq_{k-1}                          | (15), (17), (23)   |
+| minimum kinetic energy  | M    | 0                                        | (A.13)             |
+| minimum weighted torque | I    | lambda dq_{k-1} - T M^-1 n               | (24)-(27)          |
+| dynamically consistent  | M    | lambda dq_{k-1} - T M^-1 n               | (28)-(34), (32)    |
+| minimum torque          | M M  | lambda dq_{k-1} - T M^-1 n               | (7), (A.14)        |
+
+lambda = 1 - k_d T is the forgetting factor, Eq. (23), k_d the null-space damping of Eq. (21). With
+damping = 1/T, lambda = 0, the dynamically consistent law is Eq. (35).
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from redres_ros.errors import RangeError
+from redres_ros.kernels.closed_form import free_motion
+from redres_ros.parameter import Table, check_parameters, param
+from redres_ros.resolution import Square, Weight
+from redres_ros.robot_model import RobotState
+from redres_ros.types import JointVelocities, Seconds
+
+
+@dataclass(frozen=True)
+class Law(ABC):
+    """A redundancy resolution law at the velocity level. A subclass is a frozen dataclass whose
+    fields, declared with `param`, are its gains.
+    """
+
+    has_memory: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
+    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @abstractmethod
+    def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
+        """b."""
+
+    def weight(self, state: RobotState) -> Weight:
+        """W; None for the identity."""
+        return None
+
+    def forgetting_factor(self, T: Seconds) -> float:
+        """lambda = 1 - k_d T, Eq. (23)."""
+        return 1.0 - self.damping * T
+
+    def check_damping(self, T: Seconds) -> None:
+        """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or
+        diverges (Appendix B).
+        """
+        if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
+            allowed = f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s'
+            raise RangeError('damping', self.damping, 0.0, 1.0 / T, allowed)
+
+
+@dataclass(frozen=True)
+class MinimumVelocity(Law):
+    """Least joint velocity, Eq. (2) with dq_N = 0. It has no history: damping has no effect."""
+
+    has_memory: ClassVar[bool] = False
+
+    def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
+        return np.zeros(len(state.q))
+
+
+@dataclass(frozen=True)
+class MinimumAcceleration(Law):
+    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
+
+    def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
+        return self.forgetting_factor(T) * state.dq_prev  # Eq. (23)
+
+
+@dataclass(frozen=True)
+class MinimumKineticEnergy(MinimumVelocity):
+    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M; no history either."""
+
+    def weight(self, state: RobotState) -> Weight:
+        return state.M
+
+
+@dataclass(frozen=True)
+class MinimumWeightedTorque(Law):
+    """Least torque in the norm of M^-2, Eq. (24)-(26) -> (27).
+
+    The bias is the velocity after one tick of zero torque and null-space damping. Gravity moves
+    the null space, unless its torques are left out.
+    """
+
+    gravity: float = param(
+        1.0, 'fraction of the weight in the torques; 0: the robot carries itself [-]', 0.0, 1.0
+    )
+
+    def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
+        n = state.n
+        if self.gravity < 1.0:
+            n = n - (1.0 - self.gravity) * state.gravity
+        b = np.empty(len(state.q))
+        free_motion(self.forgetting_factor(T), state.dq_prev, T, state.M, n, b)
+        return b  # lambda dq_{k-1} - T M^-1 n, Eq. (27), (32), (A.14)
+
+
+@dataclass(frozen=True)
+class DynamicallyConsistent(MinimumWeightedTorque):
+    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32)."""
+
+    def weight(self, state: RobotState) -> Weight:
+        return state.M
+
+
+@dataclass(frozen=True)
+class MinimumTorque(MinimumWeightedTorque):
+    """Least torque in the plain norm, Eq. (7) with (A.14)."""
+
+    def weight(self, state: RobotState) -> Weight:
+        return Square(state.M)
+
+
+# A new law is one small class and one line in this table.
 LAWS: Table[Law] = Table(
     'law',
     Law,
@@ -23,5 +138,3 @@ LAWS: Table[Law] = Table(
 )
 make_law = LAWS.make
 law_name = LAWS.name_of
-
-__all__ = ['LAWS', 'Law', 'law_name', 'make_law']

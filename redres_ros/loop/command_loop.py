@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import HOLD, Command
 from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
@@ -22,7 +22,6 @@ from redres_ros.loop.session import RobotSession
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer
 from redres_ros.loop.velocity_input import VelocityInput
-from redres_ros.robot_interface import HOLD
 from redres_ros.types import (
     Cycles,
     JointPositions,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import Command, Published
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.approach import Approach
@@ -13,7 +13,6 @@ from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.safety_filter import SafetyFilter
 from redres_ros.loop.settings import AUTO
 from redres_ros.loop.velocity_input import VelocityInput
-from redres_ros.robot_interface import Published
 from redres_ros.types import Cycles, JointPositions, TaskVelocity
 
 _TWIST = 6  # rows of a task velocity that has components to hold

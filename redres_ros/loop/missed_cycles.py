@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from redres_ros.command import Published
 from redres_ros.controller import Controller
-from redres_ros.robot_interface import Published
 from redres_ros.types import Cycles, JointPositions, Seconds
 
 # A response that was sent so shortly before the robot published the next state came after that.

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError, one_line
 from redres_ros.files.plugins import load_plugins
@@ -53,7 +54,6 @@ from redres_ros.nodes.wire import (
     to_nanoseconds,
 )
 from redres_ros.parameter import param
-from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import check_finite
 

@@ -8,9 +8,9 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError, one_line
+from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.nodes.wire import JointSample, to_time
 from redres_ros.robot_model import RobotModel
-from redres_ros.rotation import from_quaternion, to_quaternion
 from redres_ros.types import (
     JointPositions,
     JointVelocities,

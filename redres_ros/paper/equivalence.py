@@ -8,7 +8,7 @@ import numpy as np
 from redres_ros.command import Command
 from redres_ros.controller import Controller
 from redres_ros.errors import RangeError, RedresError
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic
 from redres_ros.laws import make_law
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
 from redres_ros.planning.planner import Planner

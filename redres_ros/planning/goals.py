@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.errors import RedresError
-from redres_ros.interpolation import PEAK_SPEED
+from redres_ros.geometry import PEAK_SPEED
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED, quintic
+from redres_ros.geometry import PEAK_ACCELERATION, PEAK_SPEED, quintic
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointAccelerations, JointPositions, JointVelocities, Seconds
 

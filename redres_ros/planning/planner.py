@@ -8,10 +8,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from redres_ros.interpolation import quintic
+from redres_ros.geometry import quintic, rotation_matrix
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.rotation import rotation_matrix
 from redres_ros.types import Position, Rotation, RotationVector, Seconds, TaskVelocity
 
 LEVER = 0.1  # [m] on which a turn is compared with a length

@@ -11,10 +11,10 @@ import numpy as np
 
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.files.installation import share_path
+from redres_ros.geometry import from_quaternion, from_roll_pitch_yaw
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 from redres_ros.robots.from_urdf import square_before_tip
-from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 from redres_ros.types import JointPositions, Points, Seconds
 
 NODES = ('sim', 'controller', 'planner')  # of a demo

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.session import COMMANDING
@@ -24,7 +25,6 @@ from redres_ros.preflight.snapshot import (
     GraphSnapshot,
     StateSeen,
 )
-from redres_ros.robot_interface import ROBOT_INTERFACES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import arm_from_urdf, choose_arm
 from redres_ros.robots.joint_limits import JointLimits

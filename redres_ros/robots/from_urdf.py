@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.errors import FileError
-from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED
+from redres_ros.geometry import PEAK_ACCELERATION, PEAK_SPEED
 from redres_ros.robots.arm import Arm
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Urdf

@@ -1,17 +1,290 @@
-"""The tasks by name. A new task is one small class and one line in this table."""
+"""The tasks, J dq = dx: position and orientation of a frame, most often the tip; the elbow; joints.
 
-from redres_ros.parameter import Table
-from redres_ros.tasks.tasks import (
-    Axis,
-    Configuration,
-    Elbow,
-    Joint,
-    Orientation,
-    Pose,
-    Position,
-    Task,
-)
+The first task of a controller gets its dx from outside. The others hold their targets, dx = k e.
+"""
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import ClassVar, Self
+
+import numpy as np
+
+from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.geometry import from_quaternion, rotation_matrix, to_quaternion
+from redres_ros.kernels.tick import fill_rotation_error, rotation_error
+from redres_ros.parameter import Table, check_parameters, param
+from redres_ros.resolution import Level, scaled
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity
+
+
+@dataclass(frozen=True)
+class Task(ABC):
+    """One aim of the arm.
+
+    A target that is left open, (), becomes the value at the start of the motion. A subclass is a
+    frozen dataclass whose fields are declared with `param`, its target among them.
+    """
+
+    size: ClassVar[int]  # m, the number of rows
+    target_size: ClassVar[int] = 0  # how many numbers the target has; 0: as many as rows
+    components: ClassVar[tuple[int, ...]] = ()  # rows of translation, of rotation; empty: one only
+    qualifier: ClassVar[str] = ''  # the field that is given after an @, as in joint@A3
+    gain: float = param(10.0, 'k in dx = k e, of the error to the target [1/s]', 0.0, 1e3)
+    target: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        name = f'target of {type(self).__name__.lower()}'
+        _check_length(name, self.target, self.target_size or self.size)
+
+    def rows(self, model: RobotModel) -> int:
+        """m, the number of rows for an arm."""
+        return self.size
+
+    @abstractmethod
+    def jacobian(self, state: RobotState) -> Jacobian: ...
+
+    @abstractmethod
+    def value(self, state: RobotState) -> np.ndarray:
+        """Where the task is at this state, in the form of a target, (target_size,)."""
+
+    def error(self, state: RobotState) -> np.ndarray:
+        """The task error e, (m,), towards the target, which is set."""
+        return np.array(self.target) - self.value(state)
+
+    def with_initial_targets(self, state: RobotState) -> Self:
+        """A copy with an unset target taken from the current state."""
+        return replace(self, target=self.target or tuple(self.value(state).tolist()))
+
+    def velocity(self, state: RobotState) -> TaskVelocity:
+        """dx = k e."""
+        return self.gain * self.error(state)
+
+    def level(self, state: RobotState) -> Level:
+        """J and dx with comparable rows."""
+        return scaled(self.jacobian(state), self.velocity(state), self.row_scale(state.model))
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives | None:
+        """By which the arm finds the escape direction from a singularity.
+
+        None for a task that does not know them; it is stuck where J alone shows none.
+        """
+        return None
+
+    def row_scale(self, model: RobotModel) -> np.ndarray | None:
+        """Factors (m,) that make rows of different units comparable; None if all are alike."""
+        return None
+
+
+@dataclass(frozen=True)
+class FrameTask(Task):
+    """A task of one frame of the arm, given as in orientation@link_4; empty: the tip."""
+
+    qualifier: ClassVar[str] = 'frame'
+    frame: str = ''
+
+
+@dataclass(frozen=True)
+class Position(FrameTask):
+    """Position of a frame's origin: 3 rows [m/s]."""
+
+    size: ClassVar[int] = 3
+    target: tuple[float, ...] = param(
+        (), 'desired position in the base frame [m]; none: that of the start'
+    )
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return state.jacobian(self.frame)[:3]
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
+        return state.jacobian_derivatives(self.frame)[:, :3]
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.pose(self.frame)[0]
+
+
+@dataclass(frozen=True)
+class Orientation(FrameTask):
+    """Orientation of a frame: 3 rows [rad/s]; the error is the rotation vector to the target."""
+
+    size: ClassVar[int] = 3
+    target_size: ClassVar[int] = 4
+    target: tuple[float, ...] = param(
+        (), 'desired quaternion x, y, z, w [1]; none: that of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_direction('target of orientation', self.target)
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return state.jacobian(self.frame)[3:]
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
+        return state.jacobian_derivatives(self.frame)[:, 3:]
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return to_quaternion(state.rotation(self.frame))
+
+    def error(self, state: RobotState) -> np.ndarray:
+        return rotation_error(state.rotation(self.frame), self._desired)
+
+    def velocity(self, state: RobotState) -> TaskVelocity:
+        dx = np.empty(3)
+        fill_rotation_error(self.gain, state.rotation(self.frame), self._desired, dx)
+        return dx
+
+    @cached_property
+    def _desired(self) -> Rotation:
+        return from_quaternion(np.array(self.target))
+
+
+@dataclass(frozen=True)
+class Pose(FrameTask):
+    """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
+
+    size: ClassVar[int] = 6
+    target_size: ClassVar[int] = 7
+    components: ClassVar[tuple[int, ...]] = (3, 3)
+    target: tuple[float, ...] = param(
+        (), 'desired position [m] and quaternion x, y, z, w [1]; none: those of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_direction('target of pose', self.target[3:])
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return state.jacobian(self.frame)
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
+        return state.jacobian_derivatives(self.frame)
+
+    def value(self, state: RobotState) -> np.ndarray:
+        x, R = state.pose(self.frame)
+        return np.concatenate((x, to_quaternion(R)))
+
+    def error(self, state: RobotState) -> np.ndarray:
+        x, R = state.pose(self.frame)
+        return np.concatenate((np.array(self.target[:3]) - x, rotation_error(R, self._desired)))
+
+    def row_scale(self, model: RobotModel) -> np.ndarray:
+        """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
+        return _pose_scale(model.reach)
+
+    @cached_property
+    def _desired(self) -> Rotation:
+        return from_quaternion(np.array(self.target[3:]))
+
+
+@dataclass(frozen=True)
+class Axis(FrameTask):
+    """Direction of an axis of a frame, free to turn about it: 2 rows [rad/s].
+
+    The rows are the angular velocities about two directions that stand on the axis.
+    """
+
+    size: ClassVar[int] = 2
+    target_size: ClassVar[int] = 3
+    axis: tuple[float, ...] = param((0.0, 0.0, 1.0), 'axis in the frame [1]')
+    target: tuple[float, ...] = param(
+        (0.0, 0.0, -1.0), 'desired direction in the base frame [1]; none: that of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_length('axis', self.axis, 3)
+        _check_direction('axis', self.axis or (0.0,))
+        _check_direction('target of axis', self.target)
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        across = state.rotation(self.frame).dot(_across(self.axis))  # (3, 2) in the base frame
+        return across.T.dot(state.jacobian(self.frame)[3:])
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.rotation(self.frame).dot(_unit(self.axis))
+
+    def error(self, state: RobotState) -> np.ndarray:
+        now = self.value(state)
+        desired = _unit(self.target)
+        turn = np.cross(now, desired)  # sin(angle) times the axis to turn about
+        sine = float(np.linalg.norm(turn))
+        angle = np.arctan2(sine, now.dot(desired))
+        across = state.rotation(self.frame).dot(_across(self.axis))
+        if sine > 0.0:
+            turn = turn * (angle / sine)
+        elif angle > 0.0:
+            turn = angle * across[:, 0]  # the opposite direction: any turn leads there
+        return across.T.dot(turn)
+
+
+@dataclass(frozen=True)
+class Elbow(Task):
+    """Where the arm's elbow is: 3 rows [m/s], of which those that it cannot follow are left."""
+
+    size: ClassVar[int] = 3
+    target: tuple[float, ...] = param(
+        (), 'desired position of the elbow in the base frame [m]; none: that of the start'
+    )
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return state.jacobian(state.model.elbow_frame)[:3]
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.pose(state.model.elbow_frame)[0]
+
+
+@dataclass(frozen=True)
+class Joint(Task):
+    """The angle of one joint, given as in joint@A3; empty: the first one. 1 row [rad/s]."""
+
+    size: ClassVar[int] = 1
+    qualifier: ClassVar[str] = 'joint'
+    joint: str = ''
+    target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        J = np.zeros((1, len(state.q)))
+        J[0, self._index(state.model)] = 1.0
+        return J
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q[[self._index(state.model)]]
+
+    def _index(self, model: RobotModel) -> int:
+        names = model.joint_names
+        name = self.joint or names[0]
+        if name not in names:
+            raise UnknownNameError('joint', name, names)
+        return names.index(name)
+
+
+@dataclass(frozen=True)
+class Configuration(Task):
+    """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task.
+
+    Below another task it keeps the joints as near to its target as that one lets them, so that a
+    closed path of the tip ends with the joints with which it began.
+    """
+
+    size: ClassVar[int] = 0  # that of the arm
+    target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
+
+    def rows(self, model: RobotModel) -> int:
+        return model.n
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        n = len(state.q)
+        _check_length('target of configuration', self.target, n)
+        return np.eye(n)
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q
+
+
+# A new task is one small class and one line in this table.
 TASKS: Table[Task] = Table(
     'task',
     Task,
@@ -25,15 +298,41 @@ TASKS: Table[Task] = Table(
 )
 make_task = TASKS.make
 
-__all__ = [
-    'TASKS',
-    'Axis',
-    'Configuration',
-    'Elbow',
-    'Joint',
-    'Orientation',
-    'Pose',
-    'Position',
-    'Task',
-    'make_task',
-]
+
+def _check_length(name: str, values: tuple[float, ...], length: int) -> None:
+    """Refuse a vector of another length, 0 for any, or one that is not finite; () is open."""
+    if values and length and len(values) != length:
+        raise ArrayError(f'{name} holds {len(values)} numbers; expected {length}, or none')
+    if not np.isfinite(values).all():
+        raise ArrayError(f'{name} is {values}; every value must be finite')
+
+
+def _check_direction(name: str, values: tuple[float, ...]) -> None:
+    if values and not any(values):
+        raise ArrayError(f'{name} is {values}; expected values that are not all zero')
+
+
+@lru_cache(maxsize=64)
+def _pose_scale(reach: float) -> np.ndarray:
+    scale = np.repeat((1.0 / reach, 1.0), 3)
+    scale.flags.writeable = False  # every tick shares it
+    return scale
+
+
+@lru_cache(maxsize=64)  # a target is looked up in every tick
+def _unit(direction: tuple[float, ...]) -> np.ndarray:
+    vector = np.array(direction)
+    return vector / np.linalg.norm(vector)
+
+
+@lru_cache(maxsize=64)
+def _across(axis: tuple[float, ...]) -> np.ndarray:
+    """Two orthonormal columns (3, 2) that stand on an axis of a frame, in that frame."""
+    z = np.array((0.0, 0.0, 1.0))
+    a = _unit(axis)
+    turn = np.cross(z, a)
+    sine = float(np.linalg.norm(turn))
+    angle = float(np.arctan2(sine, a[2]))
+    if sine == 0.0:
+        return rotation_matrix(np.array((angle, 0.0, 0.0)))[:, :2]
+    return rotation_matrix(turn * (angle / sine))[:, :2]

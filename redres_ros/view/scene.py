@@ -13,13 +13,13 @@ import trimesh
 import viser
 
 from redres_ros.files.text import writing
+from redres_ros.geometry import to_quaternion
 from redres_ros.limits.scene import SPHERE, DrawnShape
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE, MovingJoint
 from redres_ros.robots.urdf import motion_of
-from redres_ros.rotation import to_quaternion
 from redres_ros.simulation.recording import Recording
 from redres_ros.types import JointPositions
 from redres_ros.view.server import CONTENT_POLICY, close_server, open_server

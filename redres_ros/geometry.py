@@ -1,4 +1,6 @@
-"""Rotations as matrices (3, 3), rotation vectors (3,), quaternions and angles."""
+"""Paths in space: the quintic of Eq. (36), and rotations as matrices, rotation vectors, quaternions
+and angles.
+"""
 
 import math
 
@@ -6,7 +8,18 @@ import numpy as np
 
 from redres_ros.types import Quaternion, Rotation, RotationVector
 
+PEAK_SPEED = 15.0 / 8.0  # largest ds/dxi of the quintic
+PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)  # largest d2s/dxi2
+
 _NO_TURN = np.eye(3)
+
+
+def quintic(xi: float) -> tuple[float, float]:
+    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is
+    clipped to [0, 1].
+    """
+    xi = min(max(xi, 0.0), 1.0)
+    return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
 
 
 def rotation_vector(R: Rotation) -> RotationVector:
