@@ -258,12 +258,13 @@ def test_whatever_the_client_does_the_reference_keeps_velocity_and_position_limi
     assert (np.abs(references) <= LIMITS.upper).all()
 
 
-def test_what_the_robot_shows_is_a_copy():
-    robot = run(make_robot(), 10)
-    robot.reference[:] = 9.0
-    robot.plant.q[:] = 9.0
-    run(robot, 1)
-    assert (robot.plant.q == cruise(robot.tick - 2)).all()
+@pytest.mark.parametrize('ideal', [True, False])
+def test_what_the_robot_shows_is_not_overwritten(ideal):
+    robot = run(make_robot(ideal), 10)
+    shown = [robot.reference, robot.plant.q, robot.plant.dq]
+    before = np.array(shown)
+    run(robot, 10)
+    assert (np.array(shown) == before).all()
 
 
 def test_limits_of_another_arm_do_not_make_a_robot():

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
-from redres_ros.fake_robot.faults import Faults, FaultyPlant, Link, NetworkModel
-from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.faults import Faults, Link, NetworkModel
+from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import Refusal, SessionSettings
 from redres_ros.parameter import parameters
@@ -163,7 +163,7 @@ def measured(plant: FaultyPlant, cycles: int) -> np.ndarray:
 @pytest.mark.parametrize('make', [ideal, mujoco])
 def test_without_faults_it_is_the_plant_bit_for_bit(make):
     faulty = make()
-    plant = make()._plant
+    plant = make().true
     for k in range(200):
         assert (faulty.q == plant.q).all()
         assert (faulty.dq == plant.dq).all()

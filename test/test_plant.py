@@ -55,15 +55,12 @@ def test_an_ideal_plant_is_where_its_reference_says():
         q = reference
 
 
-def test_plants_hand_out_and_keep_copies_only():
+def test_plants_keep_copies_of_their_references():
     for plant in plants(Q0):
         reference = Q0.copy()
         plant.step(reference)
-        before = plant.q.copy()
         reference += 1.0
-        plant.q[:] = 0.0
-        plant.dq[:] = 9.0
-        assert (plant.q == before).all()
+        assert plant.q == pytest.approx(Q0, abs=1e-9)
         plant.step(Q0)
         assert np.abs(plant.dq).max() < 1e-6
 

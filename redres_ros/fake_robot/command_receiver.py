@@ -31,26 +31,17 @@ class _ArrivedCommand(NamedTuple):
 class CommandReceiver:
     """Checks what clients send: valid commands go to the robot, its session counts the others.
 
-    The subscriber calls `put`, in any thread; the robot's loop calls `take`.
-
-    Args:
-        robot: Whose states the commands are for.
-        clock: Whose stamps the states have.
-        timed: Whether latencies are measured. In lock-step they mean nothing.
-        seed: Of the faults of the network.
-
-    Attributes:
-        publishers: How many there are in the graph. While more than one sends commands, none is
-            taken. One that was killed stays in the graph for some 20 s, but is silent.
-        newest: Stamp of the state that the last command was for.
-        network: What the transport does to commands.
+    The subscriber calls `put`, in any thread; the robot's loop calls `take`. Unless timed, as in
+    lock-step, latencies are not measured.
     """
 
     def __init__(
         self, robot: FakeRobot, clock: RobotClock, *, timed: bool = True, seed: int = 0
     ) -> None:
+        # How many are in the graph. While more than one sends commands, none is taken. One that was
+        # killed stays in the graph for some 20 s, but is silent.
         self.publishers = 1
-        self.newest: Nanoseconds = 0
+        self.newest: Nanoseconds = 0  # stamp of the state that the last command was for
         self.network: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands')
         self._robot = robot
         self._clock = clock
@@ -60,9 +51,7 @@ class CommandReceiver:
         self._newest_tick = -1  # of a valid command
 
     def put(self, stamp: Nanoseconds, names: Sequence[str], positions: np.ndarray) -> None:
-        """Take the positions of some joints, in any order, that were sent for the state of a
-        stamp.
-        """
+        """Take positions in any order, sent for the state of a stamp."""
         now = time.monotonic()
         if stamp <= self.newest:
             self._contested_at = now
@@ -70,10 +59,8 @@ class CommandReceiver:
         self._arrivals.append(_ArrivedCommand(stamp, names, positions, now))
 
     def take(self) -> list[ClientCommand]:
-        """The valid commands that have come since the last call, in the order of their ticks.
-
-        A second command for the same state counts as none. The state of the present tick is not out
-        yet.
+        """The valid commands since the last call, in the order of their ticks; of two for the same
+        state the first.
         """
         tick = self._robot.tick
         while self._arrivals:
@@ -92,7 +79,11 @@ class CommandReceiver:
 
     def _judge(self, arrival: _ArrivedCommand, now: int) -> ClientCommand:
         """What arrived as the command for a state, judged at tick `now`. Raises CommandError."""
-        self._check_publishers()
+        if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:
+            raise CommandError(
+                Refusal.SECOND_PUBLISHER,
+                f'joint_command has {self.publishers} publishers that send commands; allowed: 1',
+            )
         tick = self._tick_of(arrival.stamp, now)
         q = self._positions(arrival)
         if not self._timed:
@@ -101,15 +92,8 @@ class CommandReceiver:
         delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS
         return ClientCommand(tick, q, self._clock.latency(arrival.stamp, arrival.time + delayed))
 
-    def _check_publishers(self) -> None:
-        if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:
-            raise CommandError(
-                Refusal.SECOND_PUBLISHER,
-                f'joint_command has {self.publishers} publishers that send commands; allowed: 1',
-            )
-
     def _tick_of(self, stamp: Nanoseconds, now: int) -> int:
-        """The tick of a stamp, which must be before `now`. Raises CommandError."""
+        """The tick of a stamp, before `now`: that state is not out yet. Raises CommandError."""
         tick = self._clock.tick(stamp)
         if tick is None or tick >= now:
             raise CommandError(

@@ -19,12 +19,12 @@ _Check = tuple[Reflex, np.ndarray, Callable[[int], str]]
 class CommandValidator:
     """Judges the stream of commanded positions, one a cycle, against the limits of the joints.
 
-    Position and acceleration end in a stop. Velocity does in some profiles; otherwise the reference
-    keeps to it, as the robot's own interpolation does. Acceleration is the commanded velocity's
-    change over a window, because a single step of a sampled command, such as a new segment makes,
-    is far above the limit and does the arm no harm. Its excess over the limit adds up from cycle to
-    cycle, and what is below the limit takes away from the sum. So zero-mean noise cancels, and a
-    sustained excess accumulates. Every comparison asks whether a value is allowed, so NaN is not.
+    In some profiles velocity does not end in a stop: the reference keeps to it. Acceleration is the
+    commanded velocity's change over a window, because a single step of a sampled command, as at a
+    new segment, is far above the limit and does the arm no harm. Its excess over the limit adds up
+    from cycle to cycle, and what is below the limit is subtracted: zero-mean noise cancels.
+
+    Every comparison asks whether a value is allowed, so NaN is not.
     """
 
     def __init__(self, limits: JointLimits, period: Seconds, profile: Profile = LWR_FRI1) -> None:
@@ -47,9 +47,7 @@ class CommandValidator:
         self._excess = standstill  # (n,) [rad/s^2] over the limit, summed over cycles
 
     def violation(self, position: JointPositions, velocity: JointVelocities) -> str:
-        """Why the arm must stop at a command, and its velocity from the command before; empty if
-        it need not.
-        """
+        """Why the arm must stop at a command and its velocity; empty if it need not."""
         for reflex, fine, describe in self._checks(position, velocity):
             if not fine.all():
                 j = int(np.argmin(fine))  # the first joint that is not fine

@@ -1,6 +1,4 @@
-"""An arm as a model of MuJoCo, its bodies exactly as the URDF has them: with position servos, and
-with a table or a wall that its tip can touch.
-"""
+"""An arm as a model of MuJoCo with position servos; a table or a wall that its tip can touch."""
 
 from dataclasses import dataclass
 
@@ -76,7 +74,17 @@ def servo_model(
     if spec.body(arm.tip_frame) is None:
         raise UnknownNameError('frame', arm.tip_frame, [body.name for body in spec.bodies])
     _set_physics(spec)
-    _add_actuators(spec)
+    # Stiffness of every joint, then damping of every joint, then torque of every joint
+    for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
+        for joint in spec.joints:
+            spec.add_actuator(
+                target=joint.name,
+                trntype=mujoco.mjtTrn.mjTRN_JOINT,
+                dyntype=dynamics,
+                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            )
+    for joint in spec.joints:
+        spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     has_surface = environment.contact_shape != 'none'
     if has_surface:
         _add_surface(spec, arm.tip_frame, environment)
@@ -86,14 +94,20 @@ def servo_model(
     # KUKA's joint torque loop takes most of the friction out.
     model.dof_damping[:] = 0.0
     model.dof_frictionloss[:] = 0.0
-    _tune(model, servo_bandwidth)
+    n = model.nv
+    bound = _inertia_bound(model)  # (n,)
+    stiffness = bound * servo_bandwidth**2
+    damping = 2.0 * bound * servo_bandwidth
+    model.actuator_gainprm[:n, 0] = stiffness
+    model.actuator_biasprm[:n, 1] = -stiffness
+    model.actuator_gainprm[n : 2 * n, 0] = damping
+    model.actuator_biasprm[n : 2 * n, 2] = -damping
     return model
 
 
 def load(arm: Arm) -> mujoco.MjSpec:
-    """The arm's bodies and joints, inertias exactly as given but for those that no body can have:
-    MuJoCo takes the mean of their moments. Shapes are dropped, as links touch nothing here.
-    Raises FileError for a URDF that MuJoCo cannot read.
+    """The arm's bodies and joints, without shapes, inertias as given but for those that no body can
+    have: MuJoCo takes the mean of their moments. Raises FileError if MuJoCo cannot read the URDF.
     """
     try:
         spec = mujoco.MjSpec.from_string(arm.description())
@@ -121,7 +135,7 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
 
 
 def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[JointPositions, JointPositions]:
-    """Lower and upper position limits; a joint without has -unlimited and unlimited."""
+    """Lower and upper position limits, -unlimited and unlimited of a joint without."""
     lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
     return lower, upper
 
@@ -146,20 +160,6 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     for joint in spec.joints:
         joint.actgravcomp = True  # counts as the motor's, towards the effort limit
         joint.solref_limit = stop
-
-
-def _add_actuators(spec: mujoco.MjSpec) -> None:
-    """Stiffness of every joint, then damping of every joint, then torque of every joint."""
-    for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
-        for joint in spec.joints:
-            spec.add_actuator(
-                target=joint.name,
-                trntype=mujoco.mjtTrn.mjTRN_JOINT,
-                dyntype=dynamics,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            )
-    for joint in spec.joints:
-        spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
 
 
 def _add_surface(spec: mujoco.MjSpec, tip: str, settings: EnvironmentSettings) -> None:
@@ -193,17 +193,6 @@ def _set_stiffness(model: mujoco.MjModel, tip: str, settings: EnvironmentSetting
     reference = settings.contact_stiffness * (1.0 - _IMPEDANCE) * inverse_inertia
     surface.solref[:] = (-reference, -reference * _RELAXATION)
     surface.solimp[:] = (_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0)
-
-
-def _tune(model: mujoco.MjModel, bandwidth: float) -> None:
-    n = model.nv
-    inertia = _inertia_bound(model)  # (n,)
-    stiffness = inertia * bandwidth**2
-    damping = 2.0 * inertia * bandwidth
-    model.actuator_gainprm[:n, 0] = stiffness
-    model.actuator_biasprm[:n, 1] = -stiffness
-    model.actuator_gainprm[n : 2 * n, 0] = damping
-    model.actuator_biasprm[n : 2 * n, 2] = -damping
 
 
 def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The simulated arm: in MuJoCo, or ideal."""
+"""The simulated arm: in MuJoCo, or ideal; and either as its faulty sensors show it."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -6,7 +6,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from redres_ros.errors import ArrayError, RangeError, RedresError
+from redres_ros.errors import RangeError, RedresError, UnknownNameError
+from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.mujoco_arm import (
     PLANT_STEP,
     EnvironmentSettings,
@@ -16,19 +17,28 @@ from redres_ros.fake_robot.mujoco_arm import (
 from redres_ros.robots import Arm
 from redres_ros.types import (
     Force,
-    JointAccelerations,
     JointPositions,
     JointTorques,
     JointVelocities,
     Position,
     Seconds,
     Wrench,
+    finite_vector,
 )
+
+# Figures of a faulty force sensor
+_SENSOR_NOISE = np.repeat((1.0, 0.1), 3)  # [N], [Nm]
+_SENSOR_BIAS = 5.0  # [N] along the tip's z
+_SENSOR_RANGE = 10.0  # [N], [Nm] of a saturated one
 
 
 class IdealPlant:
     """An arm that reaches its reference exactly one cycle later: the paper's assumption. It does
     not yield to forces. Raises ArrayError for a start of another length, or one not finite.
+
+    Attributes:
+        q: Joint positions; a new array in each cycle, as the next.
+        dq: Mean joint velocities of the last cycle.
     """
 
     links: tuple[str, ...] = ()  # any may be pushed
@@ -37,36 +47,18 @@ class IdealPlant:
     def __init__(self, joint_names: Sequence[str], period: Seconds, q0: JointPositions) -> None:
         self.joint_names = tuple(joint_names)
         self.period = period
-        self._q = _finite_vector(q0, len(self.joint_names))
-        self._dq = np.zeros_like(self._q)
-
-    @property
-    def q(self) -> JointPositions:
-        """Joint positions."""
-        return self._q.copy()
-
-    @property
-    def dq(self) -> JointVelocities:
-        """Mean joint velocities of the last cycle."""
-        return self._dq.copy()
+        self.q = finite_vector(q0, len(self.joint_names), 'q')
+        self.dq = np.zeros_like(self.q)
+        self.wrench = np.zeros(6)
+        self.external_torques = np.zeros_like(self.q)
 
     def step(self, q_ref: JointPositions) -> None:
         """Move to q_ref."""
-        self._dq = (q_ref - self._q) / self.period
-        self._q = np.array(q_ref, dtype=np.float64)
+        self.dq = (q_ref - self.q) / self.period
+        self.q = np.array(q_ref, dtype=np.float64)
 
     def push(self, force: Force, link: str = '') -> None:
         """Do nothing."""
-
-    @property
-    def wrench(self) -> Wrench:
-        """Force and moment on the tip: none."""
-        return np.zeros(6)
-
-    @property
-    def external_torques(self) -> JointTorques:
-        """Joint torques of the forces from outside: none."""
-        return np.zeros_like(self._q)
 
 
 class _Force(NamedTuple):
@@ -88,6 +80,10 @@ class MujocoPlant:
     With k = D w^2 and d = 2 D w, where w is the bandwidth of the servos [rad/s] and D bounds the
     inertia matrix, no mode is ever underdamped. At w = 100 the tip follows the paper's task to
     1 um, and to 0.12 mm where a joint jumps.
+
+    Attributes:
+        q: Joint positions; a new array in each cycle, as the next.
+        dq: Joint velocities.
 
     Raises:
         RedresError: The period is not a whole number of plant steps.
@@ -114,30 +110,31 @@ class MujocoPlant:
         self.period = period
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self.links = tuple(self._model.body(body).name for body in range(1, self._model.nbody))
-        self._reference = self._checked(q0)  # (n,) [rad] at the end of the last cycle
-        self._velocity = np.zeros(self._model.nq)  # (n,) [rad/s] of it in the last cycle
+        self.q = finite_vector(q0, self._model.nq, 'q')
+        lower, upper = joint_range(self._model, np.inf)
+        for name, value, least, most in zip(self.joint_names, self.q, lower, upper, strict=True):
+            if not least <= value <= most:
+                raise RangeError(name, value, least, most, 'rad')
+        self.dq = np.zeros_like(self.q)
+        self._reference = self.q  # (n,) [rad] at the end of the last cycle
+        self._velocity = self.dq  # (n,) [rad/s] of the reference in the last cycle
         self._data.qpos[:] = q0
         mujoco.mj_fwdPosition(self._model, self._data)  # where a push would act, and the inertia
 
-    @property
-    def q(self) -> JointPositions:
-        """Joint positions."""
-        return self._data.qpos.copy()
-
-    @property
-    def dq(self) -> JointVelocities:
-        """Joint velocities."""
-        return self._data.qvel.copy()
-
     def step(self, q_ref: JointPositions) -> None:
         """Move for one cycle, during which the reference goes on to q_ref."""
+        data = self._data
         velocity = (q_ref - self._reference) / self.period  # (n,)
-        torque = self._inertial_torque((velocity - self._velocity) / self.period)
-        self._data.act[:] = self._reference  # the servos' reference; MuJoCo integrates it with ctrl
-        self._data.ctrl[:] = np.concatenate((velocity, velocity, torque))
-        mujoco.mj_step(self._model, self._data, self._substeps)
+        torque = np.empty_like(velocity)  # Eq. (6); the servos have gravity already
+        mujoco.mj_mulM(self._model, data, torque, (velocity - self._velocity) / self.period)
+        torque = torque + data.qfrc_bias - data.qfrc_gravcomp
+        data.act[:] = self._reference  # the servos' reference; MuJoCo integrates it with ctrl
+        data.ctrl[:] = np.concatenate((velocity, velocity, torque))
+        mujoco.mj_step(self._model, data, self._substeps)
         self._reference = np.array(q_ref, dtype=np.float64)
         self._velocity = velocity
+        self.q = data.qpos.copy()
+        self.dq = data.qvel.copy()
 
     def push(self, force: Force, link: str = '') -> None:
         """Push a link at its origin, '' for the tip, until the next call, by a force in the base
@@ -192,21 +189,6 @@ class MujocoPlant:
         pushed = self._pushed
         yield _Force(pushed, data.xpos[pushed], data.xfrc_applied[pushed, :3])
 
-    def _checked(self, q0: JointPositions) -> JointPositions:
-        q = _finite_vector(q0, self._model.nq)
-        lower, upper = joint_range(self._model, np.inf)
-        for name, value, least, most in zip(self.joint_names, q, lower, upper, strict=True):
-            if not least <= value <= most:
-                raise RangeError(name, value, least, most, 'rad')
-        return q
-
-    def _inertial_torque(self, ddq: JointAccelerations) -> JointTorques:
-        """M(q) ddq and the Coriolis and centrifugal torques."""
-        data = self._data
-        torque = np.empty(len(ddq))
-        mujoco.mj_mulM(self._model, data, torque, ddq)
-        return torque + data.qfrc_bias - data.qfrc_gravcomp  # the servos have gravity already
-
 
 def _whole_steps(period: Seconds) -> int:
     steps = round(period / PLANT_STEP)
@@ -218,8 +200,93 @@ def _whole_steps(period: Seconds) -> int:
     return steps
 
 
-def _finite_vector(value: np.ndarray, n: int) -> JointPositions:
-    vector = np.array(value, dtype=np.float64)
-    if vector.shape != (n,) or not np.isfinite(vector).all():
-        raise ArrayError(f'q is {vector.tolist()}; expected {n} finite values')
-    return vector
+class FaultyPlant:
+    """A plant as its faulty sensors show it; without faults exactly the plant itself.
+
+    Noise of the encoders is drawn once a cycle, the same for the same seed. The velocities of
+    encoders at fault are differences of their positions. While the physics are paused the plant
+    stands still and receives nothing; afterwards its servos drive it to the reference as hard as
+    they can, and an ideal one jumps there.
+
+    Attributes:
+        true: The plant itself.
+        q: Measured joint positions; a new array in each cycle, as the next.
+        dq: Measured joint velocities.
+    """
+
+    def __init__(
+        self, plant: IdealPlant | MujocoPlant, faults: Faults | None = None, seed: int = 0
+    ) -> None:
+        """Raises as `check`."""
+        self.true = plant
+        self.joint_names = plant.joint_names
+        self.period = plant.period
+        self.q = plant.q
+        self.dq = plant.dq
+        self._random = np.random.default_rng(seed)
+        self._wrench_random = np.random.default_rng(seed)  # drawn as often as somebody subscribes
+        self._pushed = False  # in the last cycle
+        self.faults = faults or Faults()
+
+    @property
+    def faults(self) -> Faults:
+        """The faults of this arm; set, they act from the next cycle on."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: Faults) -> None:
+        self.check(faults)
+        self._faults = faults
+
+    def check(self, faults: Faults) -> None:
+        """Raise RangeError for a frozen joint, and UnknownNameError for a pushed link, that the arm
+        does not have.
+        """
+        links = self.true.links
+        if faults.push_link and links and faults.push_link not in links:
+            raise UnknownNameError('link', faults.push_link, links)
+        if faults.frozen_joint > len(self.joint_names):
+            raise RangeError('frozen_joint', faults.frozen_joint, 0, len(self.joint_names))
+
+    @property
+    def wrench(self) -> Wrench | None:
+        """Measured force and moment on the tip, along the tip's axes; None: it is lost."""
+        shown = self.true.wrench.copy()
+        match self._faults.wrench_fault:
+            case 'noise':
+                shown += self._wrench_random.normal(size=6) * _SENSOR_NOISE
+            case 'bias':
+                shown[2] += _SENSOR_BIAS
+            case 'saturated':
+                shown = np.clip(shown, -_SENSOR_RANGE, _SENSOR_RANGE)
+            case 'not_finite':
+                shown[:] = np.nan
+            case 'lost':
+                return None
+        return shown
+
+    def step(self, q_ref: JointPositions) -> None:
+        """Move for one cycle, during which the reference goes on to q_ref; or stand still."""
+        faults = self._faults  # one for the whole cycle
+        if faults.paused_physics:
+            self._measure(faults, np.zeros_like(self.q))
+            return
+        pushed = any(faults.push_force)
+        if pushed or self._pushed:
+            self.true.push(np.array(faults.push_force), faults.push_link)
+        self._pushed = pushed
+        self.true.step(q_ref)
+        self._measure(faults, self.true.dq)
+
+    def _measure(self, faults: Faults, dq: JointVelocities) -> None:
+        """Take what the encoders show, at the true velocities dq."""
+        q = self.true.q.copy()
+        if faults.encoder_noise:
+            q += self._random.normal(0.0, faults.encoder_noise, len(q))
+        if faults.encoder_step:
+            q = faults.encoder_step * np.round(q / faults.encoder_step)
+        if faults.frozen_joint:
+            q[faults.frozen_joint - 1] = self.q[faults.frozen_joint - 1]
+        faulty = faults.encoder_noise or faults.encoder_step or faults.frozen_joint
+        self.dq = (q - self.q) / self.period if faulty else dq
+        self.q = q

@@ -3,19 +3,15 @@ which follows the commands, or brakes, and never jumps.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from redres_ros.errors import JointNamesError
 from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.types import Cycles, JointPositions, Seconds
-
-if TYPE_CHECKING:
-    from redres_ros.fake_robot.faults import FaultyPlant
-    from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 
 # fraction of the acceleration limit that closes a lag; the rest is left to the command itself
 _CATCH_UP = 0.5
@@ -32,10 +28,8 @@ class ClientCommand:
 
 @dataclass(frozen=True)
 class _Course:
-    """Extrapolation through the last commands.
-
-    What was extrapolated before must not enter: fed back like that, a client that is always late
-    would be unstable.
+    """Extrapolation through the last commands alone: with what was extrapolated before fed back, a
+    client that is always late would be unstable.
     """
 
     tick: int  # of the last command
@@ -72,7 +66,7 @@ class FakeRobot:
 
     def __init__(
         self,
-        plant: 'FaultyPlant | IdealPlant | MujocoPlant',
+        plant: FaultyPlant | IdealPlant | MujocoPlant,
         limits: JointLimits,
         settings: SessionSettings | None = None,
     ) -> None:
@@ -93,17 +87,15 @@ class FakeRobot:
 
     @property
     def reference(self) -> JointPositions:
-        """Where the plant was sent in the last cycle."""
-        return self._interpolator.reference.copy()
+        """Where the plant was sent in the last cycle; a new array in each."""
+        return self._interpolator.reference
 
     def advance(self, *commands: ClientCommand) -> None:
-        """Move from tick k to k + 1, by the commands that came since the last call, in the order of
-        their ticks.
+        """Move from tick k to k + 1, by the commands that came since, in the order of their ticks.
 
-        A command for state k - 1 is in time, an ideal plant at its position at tick k + 1. An older
-        one is late: the command is taken to have gone on since then at its last velocity, as it
-        does when no command comes. Outside command mode the arm holds its position; from any motion
-        it is braked there.
+        A command for state k - 1 is in time: an ideal plant is at its position at tick k + 1. An
+        older one is late: the command is taken to have gone on since then at its last velocity, as
+        without any command. Outside command mode the arm is braked to rest.
         """
         if self.tick > 0:  # before, no state has been sent that a command could be for
             self._receive(commands)
@@ -115,7 +107,9 @@ class FakeRobot:
         self.tick += 1
 
     def _receive(self, commands: tuple[ClientCommand, ...]) -> None:
-        """Count the cycle in the session; extrapolate from the commands."""
+        """Count the cycle in the session and extrapolate from the commands. If the session lets
+        command mode begin, it does so as from a standstill at the last one.
+        """
         lateness: Cycles | None = None
         latency = 0.0
         for command in commands:
@@ -124,19 +118,14 @@ class FakeRobot:
             lateness = self.tick - 1 - command.tick
             latency = command.latency
         self.session.record(lateness, latency)
-        if self.session.ready and self.at_rest:
-            self._begin()
-
-    def _begin(self) -> None:
-        """Let the session decide whether command mode begins with this command, as from a
-        standstill there.
-        """
-        command = self._course.q
-        self.session.offer(float(np.abs(command - self.reference).max()))
+        if not (self.session.ready and self.at_rest):
+            return
+        first = self._course.q
+        self.session.offer(float(np.abs(first - self.reference).max()))
         if self.session.commanding:
-            self._course = _Course.standstill(self._course.tick, command)
-            self._command = command
-            self._interpolator.begin(command)
+            self._course = _Course.standstill(self._course.tick, first)
+            self._command = first
+            self._interpolator.begin(first)
             self._validator.begin()
 
     def _execute(self, command: JointPositions) -> None:
@@ -150,11 +139,11 @@ class FakeRobot:
 
 
 class ReferenceInterpolator:
-    """Advances the reference of one arm, cycle by cycle, from where it stands still.
+    """Advances the reference of one arm from where it stands still.
 
-    The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
-    faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
-    limits are kept too, from wherever the arm stands.
+    The reference is the command, bit for bit, as long as that keeps the velocity limits. A faster
+    one is followed as fast as they allow; the lag is then closed without overshoot. Position limits
+    are kept too.
     """
 
     def __init__(self, limits: JointLimits, period: Seconds, q: JointPositions) -> None:
@@ -180,18 +169,19 @@ class ReferenceInterpolator:
     def follow(self, command: JointPositions, step: JointPositions) -> None:
         """Move on to a command, a step beyond the command before."""
         change = _CATCH_UP * self._max_change  # (n,)
-        # A lag d is closed at sqrt(a d), a braking curve at half of the acceleration a that the
-        # ramp allows. So it is not overshot.
+        # A lag d is closed at sqrt(a d): a braking curve at half of the acceleration a that the
+        # ramp allows is not overshot.
         speed = np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag)))
         desired = np.copysign(speed, self._lag)
-        closing = self._closing + _bounded(desired - self._closing, change)
+        closing = self._closing + np.clip(desired - self._closing, -change, change)
         self._move(command - (self._lag - closing))
         self._closing = self._step - step
         self._lag = command - self.reference
 
     def brake(self) -> None:
         """Decelerate to rest, each joint as fast as its acceleration limit allows."""
-        self._move(self.reference + (self._step - _bounded(self._step, self._max_change)))
+        change = np.clip(self._step, -self._max_change, self._max_change)
+        self._move(self.reference + (self._step - change))
 
     def _move(self, target: JointPositions) -> None:
         """Go to the target or as near as the limits allow; an arm beyond a position limit can only
@@ -203,8 +193,3 @@ class ReferenceInterpolator:
         lower = np.maximum(np.minimum(limits.lower, last), last - self._max_step)
         self.reference = np.maximum(lower, np.minimum(target, upper))
         self._step = self.reference - last
-
-
-def _bounded(value: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """The value brought within -bound and bound."""
-    return np.minimum(np.maximum(value, -bound), bound)

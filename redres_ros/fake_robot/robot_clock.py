@@ -17,25 +17,19 @@ _KEPT = 256  # states whose time of sending is kept, to assign commands to them
 class RobotClock:
     """Stamps the states of ticks, and keeps to the computer's monotonic clock, which nobody sets.
 
-    When its process is held up, or it waits for a client, the clock stands still: nothing happens
-    in between, and the next stamp is one period after the last. Afterwards the cycles follow one
-    another a little faster, until the stamps are as far on as the computer's clock again. While
-    nothing moves they may jump there by whole periods (`skip`).
-
-    Attributes:
-        stood_still: How long the clock has stood still since the start. Latencies do not count it.
-        lag: How far the stamps are behind the computer's clock.
+    While its process is held up, or it waits for a client, the clock stands still: the next stamp
+    is one period after the last. Afterwards the cycles are a little shorter, until the stamps have
+    caught up with the computer's clock. While nothing moves they may jump there (`skip`).
     """
 
     def __init__(self, epoch: Nanoseconds, period: Nanoseconds) -> None:
         """A clock with the stamp `epoch` at tick 0."""
         self.period = period
-        self.stood_still: Seconds = 0.0
-        self.lag: Seconds = 0.0
+        self.stood_still: Seconds = 0.0  # since the start; latencies do not count it
+        self.lag: Seconds = 0.0  # of the stamps behind the computer's clock
         self._epoch = epoch
         self._due = time.monotonic()  # when the next tick is to come [s]
-        # Tick and time [s] of the last states by stamp, oldest first. The time is on a clock that
-        # stands still when the robot's does.
+        # Tick and time [s] of the last states by stamp, oldest first, without the time stood still
         self._sent: dict[Nanoseconds, tuple[int, Seconds]] = {}
 
     def stamp(self, tick: int) -> Nanoseconds:
@@ -52,14 +46,11 @@ class RobotClock:
 
     def tick(self, stamp: Nanoseconds) -> int | None:
         """Tick of a state that went out, by its stamp; None if none of the last has it."""
-        sent = self._sent.get(stamp)
-        return None if sent is None else sent[0]
+        return self._sent[stamp][0] if stamp in self._sent else None
 
     def latency(self, stamp: Nanoseconds, arrived: Seconds) -> Seconds:
-        """Time from a state that went out to its command, which arrived at an instant of the
-        monotonic clock, without that in which the clock stood still.
-
-        For a command that came before the clock stood still this is too little, but never below 0.
+        """Time from a state to its command, which arrived at an instant of the monotonic clock,
+        without that in which the clock stood still; of a command that came before that, too little.
         """
         _, sent_at = self._sent[stamp]
         return max(arrived - self.stood_still - sent_at, 0.0)
@@ -69,9 +60,7 @@ class RobotClock:
         self._due = time.monotonic()
 
     def wait(self, sleep: Callable[[Seconds], None] = time.sleep) -> None:
-        """Sleep until the next tick is due; after a delay of more than a period go on from here,
-        without a burst.
-        """
+        """Sleep until the next tick is due; stand still for a delay of more than a period."""
         period = self.period / NANOSECONDS
         saved = min(self.lag, CATCH_UP * period)  # [s]
         self.lag -= saved

@@ -56,12 +56,6 @@ class Session:
     until `reset`.
 
     The robot records every cycle, offers a first command, and reports refusals and violations.
-
-    Attributes:
-        state: One of the profile's states.
-        reason: Why command mode was taken away or refused; empty while nothing is wrong.
-        refusals: Numbers of refused commands by kind.
-        command_error: That of the last refused command; None if a valid one came since.
     """
 
     def __init__(self, period: Seconds, settings: SessionSettings) -> None:
@@ -70,9 +64,9 @@ class Session:
         self._cycles_needed = max(1, math.ceil(settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
         self.refusals = Counter[Refusal]()
-        self.command_error: CommandError | None = None
+        self.command_error: CommandError | None = None  # of the last command, if it was refused
         self.state = next(iter(self.profile.transitions))
-        self.reason = ''
+        self.reason = ''  # why command mode was taken away or refused
 
     @property
     def commanding(self) -> bool:
@@ -94,9 +88,7 @@ class Session:
         )
 
     def record(self, lateness: Cycles | None, latency: Seconds = 0.0) -> None:
-        """Enter one cycle, as in `TimingMonitor.record`. In command mode bad timing ends the
-        session.
-        """
+        """Enter one cycle, as in `TimingMonitor.record`. Bad timing ends command mode."""
         self.timing.record(lateness, latency)
         is_good = self.timing.quality >= self.profile.entry
         self._good_cycles = self._good_cycles + 1 if is_good else 0
@@ -115,8 +107,8 @@ class Session:
         self.command_error = error
 
     def offer(self, distance: Radians) -> None:
-        """Begin command mode with a first command, if the session is ready for one. Too large a
-        distance from the mirrored position is a reason to stop.
+        """Begin command mode with a first command, if ready for one. Too large a distance from the
+        mirrored position is a reason to stop.
         """
         if not self.ready:
             return
@@ -140,6 +132,13 @@ class Session:
         self._good_cycles = 0
         self._take(Event.RESET)
 
+    def _timing_event(self) -> Event:
+        if self.timing.silent:
+            return Event.SILENCE
+        if self.timing.quality < self.profile.entry:
+            return Event.POOR_TIMING
+        return Event.LONG_GOOD_TIMING if self._is_long_good else Event.GOOD_TIMING
+
     @property
     def _is_long_good(self) -> bool:
         return self._good_cycles >= self._cycles_needed and not self.reason
@@ -147,24 +146,15 @@ class Session:
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
         age = self.timing.age
-        name = self.profile.reflexes[Reflex.TIMING]
-        refused = f'; last refused: {self.command_error}' if self.command_error else ''
         bridged = self.profile.bridged_misses
         if age > bridged:
-            return (
-                f'{name}: the newest command is {age} cycles late, {bridged} are bridged{refused}'
-            )
-        if self.timing.quality < self.profile.lowest:
-            complaint = self.timing.complaint
-            return f'{name}: the connection is {self.quality}: {complaint}{refused}'
-        return ''
-
-    def _timing_event(self) -> Event:
-        if self.timing.silent:
-            return Event.SILENCE
-        if self.timing.quality < self.profile.entry:
-            return Event.POOR_TIMING
-        return Event.LONG_GOOD_TIMING if self._is_long_good else Event.GOOD_TIMING
+            problem = f'the newest command is {age} cycles late, {bridged} are bridged'
+        elif self.timing.quality < self.profile.lowest:
+            problem = f'the connection is {self.quality}: {self.timing.complaint}'
+        else:
+            return ''
+        refused = f'; last refused: {self.command_error}' if self.command_error else ''
+        return f'{self.profile.reflexes[Reflex.TIMING]}: {problem}{refused}'
 
     def _take(self, event: Event) -> None:
         self.state = self.profile.after(self.state, event)

@@ -2,9 +2,9 @@
 
 import math
 from collections import deque
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
-from redres_ros.fake_robot.profile import THRESHOLDS
+from redres_ros.fake_robot.profile import THRESHOLDS, Threshold
 from redres_ros.fake_robot.robot_clock import NANOSECONDS
 from redres_ros.types import Cycles, Seconds
 
@@ -51,7 +51,9 @@ class TimingMonitor:
         self._run: Cycles = 0
         self.age: Cycles = 0
         self.counts = Counts()
-        self._judge()
+        self.statistics = Statistics()
+        self.quality = 0
+        self.at_fault = 'response_rate'
 
     def record(self, lateness: Cycles | None, latency: Seconds) -> None:
         """Enter one cycle, by the lateness of its command, 0: in time, None: no command; and the
@@ -70,7 +72,15 @@ class TimingMonitor:
             self.age = lateness
         self._run = 0 if lateness == 0 else self._run + 1
         counts.longest_run = max(counts.longest_run, self._run)
-        self._judge()
+        self.statistics = self._statistics()
+        self.at_fault = ''
+        for quality, bounds in THRESHOLDS.items():
+            self.quality = quality
+            breach = self._breach(bounds)
+            if not breach:
+                return
+            self.at_fault = breach
+        self.quality = 0
 
     @property
     def silent(self) -> bool:
@@ -91,37 +101,22 @@ class TimingMonitor:
         expected = 'needed' if name == 'response_rate' else 'allowed'
         return f'{name.replace("_", " ")} {value:.0%}, {expected} {bound:.0%}'
 
-    def _judge(self) -> None:
-        """Compute the statistics, and the best quality that they allow."""
-        self.statistics = self._statistics()
-        self.at_fault = ''
-        for quality in THRESHOLDS:
-            self.quality = quality
-            breach = self._breach(quality)
-            if not breach:
-                return
-            self.at_fault = breach
-        self.quality = 0
-
-    def _breach(self, quality: int) -> str:
+    def _breach(self, bounds: Threshold) -> str:
         """Name of the statistic that breaks its bound, empty if none does.
 
         Misses follow from commands that are lost or late: they are named last.
         """
-        response_rate, latency, jitter, miss_rate, _ = astuple(self.statistics)
-        bounds = THRESHOLDS[quality]
-        if response_rate < bounds.response_rate:
+        seen = self.statistics
+        if seen.response_rate < bounds.response_rate:
             return 'response_rate'
-        if latency > bounds.latency * self._period:
+        if seen.latency > bounds.latency * self._period:
             return 'latency'
-        if jitter > bounds.jitter * self._period:
+        if seen.jitter > bounds.jitter * self._period:
             return 'jitter'
-        return 'miss_rate' if miss_rate > bounds.miss_rate else ''
+        return 'miss_rate' if seen.miss_rate > bounds.miss_rate else ''
 
     def _statistics(self) -> Statistics:
         packets = len(self._latenesses)
-        if not packets:
-            return Statistics()
         n = max(len(self._latencies), 1)
         total = sum(self._latencies)
         variance = n * sum(latency * latency for latency in self._latencies) - total * total

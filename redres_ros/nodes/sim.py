@@ -14,9 +14,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.fake_robot.command_receiver import CommandReceiver
-from redres_ros.fake_robot.faults import Faults, FaultyPlant, NetworkModel
+from redres_ros.fake_robot.faults import Faults, NetworkModel
 from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
-from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
@@ -78,14 +78,11 @@ class SimNode(ManagedNode):
     """Publishes a state each cycle, and moves the arm while the response is computed.
 
     The clock stands still while this process is held up, and while it waits for a command with
-    patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
-    does. See RobotClock for how they come back to the computer's clock. In lock-step no clock is
-    kept.
+    patience: as long as the arm moves, stamps are exactly one period apart. In lock-step no clock
+    is kept.
 
-    Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
-    that moves is braked. Activated again, it starts monitoring again.
-
-    Raises ParameterError for use_sim_time, or a parameter of another type.
+    Deactivated it neither sends states nor takes commands, as a robot whose cable is cut; activated
+    again, it starts monitoring again. Raises ParameterError for use_sim_time.
     """
 
     def __init__(self) -> None:
@@ -97,16 +94,16 @@ class SimNode(ManagedNode):
             )
         robot = declare_robot(self, is_the_robot=True, has_dynamics=False)
         self._tip_frame = robot.arm.tip_frame
-        self._settings = declare(self, _SimParameters(start=robot.arm.start))
+        settings = self._settings = declare(self, _SimParameters(start=robot.arm.start))
         environment = declare(self, EnvironmentSettings())
         session = declare(self, SessionSettings())
-        if self._settings.lockstep:
+        if settings.lockstep:
             session = replace(session, monitor_time=0.0)  # timing is perfect
-        period = 1.0 / self._settings.rate
+        period = 1.0 / settings.rate
         limits = JointLimits.of(robot.arm)
-        start = np.array(self._settings.start)
+        start = np.array(settings.start)
         plant: MujocoPlant | IdealPlant
-        if self._settings.plant == 'mujoco':
+        if settings.plant == 'mujoco':
             plant = MujocoPlant(robot.arm, period, start, environment=environment)
         else:
             plant = IdealPlant(limits.joint_names, period, start)
@@ -114,15 +111,13 @@ class SimNode(ManagedNode):
         self._robot = FakeRobot(self._plant, limits, session)
         self._session = self._robot.session
         # a stamp of zero would mean now
-        epoch = NANOSECONDS if self._settings.lockstep else time.time_ns()
-        self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
-        timed = not self._settings.lockstep
+        epoch = NANOSECONDS if settings.lockstep else time.time_ns()
+        self._robot_clock = RobotClock(epoch, round(NANOSECONDS / settings.rate))
+        timed = not settings.lockstep
         self._receiver = CommandReceiver(self._robot, self._robot_clock, timed=timed)
         self._states = NetworkModel[bytes]('states')
         self._set_links()
-        self._writer = JointStateWriter(
-            plant.joint_names, with_effort=self._plant.effort is not None
-        )
+        self._writer = JointStateWriter(plant.joint_names, with_effort=plant.effort is not None)
         self._newest = self._written(0)  # of the published states
         self._reader = JointStateReader()
         self._arrival = threading.Event()  # of a command
@@ -153,8 +148,8 @@ class SimNode(ManagedNode):
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Cycle after cycle until the event is set; callbacks run by the spinner while it waits.
 
-        At tick k the arm takes up the command for the state of tick k - 1, and goes on its way to
-        tick k + 1 while the client responds to the state of tick k.
+        At tick k the arm takes up the command for the state of tick k - 1, and moves on to tick
+        k + 1 while the client responds to the state of tick k.
         """
         lockstep = self._settings.lockstep
         self._robot_clock.restart()
@@ -171,7 +166,6 @@ class SimNode(ManagedNode):
                 self._reset_requested = False
                 self._session.reset()
             self._robot.advance(*commands)
-            self._report_refusals()
             self._publish_session()
             if lockstep:
                 # The command may have come already, in this thread; services still need a turn.
@@ -185,8 +179,14 @@ class SimNode(ManagedNode):
         self._diagnostics.publish()
 
     def _publish_session(self) -> None:
-        """Publish what has changed since the last call; a stop gets a line in the log, too."""
+        """Publish what has changed since the last call; a stop and a refused command are logged."""
         session = self._session
+        refused = session.command_error
+        if refused is None:
+            self._refusals.accept('joint_command')
+        elif refused is not self._reported_refusal:
+            self._refusals.refuse('joint_command', refused)
+        self._reported_refusal = refused
         if session.reason and session.reason != self._words.get(REASON):
             self.get_logger().error(session.reason)
         self._words.publish(
@@ -208,7 +208,7 @@ class SimNode(ManagedNode):
 
     def _written(self, stamp: Nanoseconds) -> bytes:
         plant = self._plant
-        return self._writer.written(stamp, plant.q, plant.dq, plant.effort)
+        return self._writer.written(stamp, plant.q, plant.dq, plant.true.effort)
 
     def _wrench(self, stamp: Nanoseconds) -> WrenchStamped | None:
         measured = self._plant.wrench
@@ -223,7 +223,7 @@ class SimNode(ManagedNode):
         return message
 
     def _external_torques(self, stamp: Nanoseconds) -> JointState:
-        torques = self._plant.external_torques.tolist()
+        torques = self._plant.true.external_torques.tolist()
         message = JointState(name=list(self._plant.joint_names), effort=torques)
         message.header.stamp = to_time(stamp)
         return message
@@ -292,14 +292,6 @@ class SimNode(ManagedNode):
     def _set_links(self) -> None:
         self._states.link = self._plant.faults.states
         self._receiver.network.link = self._plant.faults.commands
-
-    def _report_refusals(self) -> None:
-        refused = self._session.command_error
-        if refused is None:
-            self._refusals.accept('joint_command')
-        elif refused is not self._reported_refusal:
-            self._reported_refusal = refused
-            self._refusals.refuse('joint_command', refused)
 
     def _health(self) -> Health:
         session = self._session

@@ -9,8 +9,8 @@ import numpy as np
 
 from redres_ros.command import norms
 from redres_ros.errors import ArrayError
-from redres_ros.fake_robot.faults import Faults, FaultyPlant
-from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.fake_robot.faults import Faults
+from redres_ros.fake_robot.plant import FaultyPlant, MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
