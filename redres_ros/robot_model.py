@@ -11,8 +11,7 @@ import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
-from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.kinematics import Kinematics
+from redres_ros.robots.kinematics import Bodies, Kinematics
 from redres_ros.types import (
     Cycles,
     InertiaMatrix,

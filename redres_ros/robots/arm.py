@@ -5,15 +5,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
-from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.chain import (
-    UNLIMITED_EFFORT,
-    make_cylinders,
-    tree_to,
-    write_out_joints,
-)
-from redres_ros.robots.kinematics import Kinematics
-from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
+from redres_ros.robots.chain import UNLIMITED_EFFORT, make_cylinders, tree_to, write_out_joints
+from redres_ros.robots.kinematics import Bodies, Kinematics
+from redres_ros.robots.urdf import Urdf, child, source_name
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
@@ -81,10 +75,8 @@ class Arm:
                 raise RangeError('effort_limit', effort, 0.0, UNLIMITED_EFFORT, 'Nm, above 0')
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields, for pickle and copy.
-
-        A URDF of this package is stored by its name: the package may be installed elsewhere where
-        the arm is loaded.
+        """The fields, for pickle and copy. A URDF of this package is stored by its name: where the
+        arm is loaded, the package may be installed elsewhere.
         """
         state = self.__dict__.copy()
         if isinstance(self.urdf, Path):
@@ -97,8 +89,8 @@ class Arm:
             self.__dict__['urdf'] = FOLDER / self.urdf  # an absolute path stays as it is
 
     def with_text(self) -> 'Arm':
-        """The same arm, for other processes and hosts: with the URDF's text instead of a file that
-        they may lack. Files of this package are everywhere. Raises FileError.
+        """The same arm with the URDF's text, for hosts that lack the file, unless it is of this
+        package. Raises FileError.
         """
         if isinstance(self.urdf, str) or self._is_shipped:
             return self
@@ -123,17 +115,13 @@ class Arm:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.
 
         Only joints that lead to the tip, or to another one, move in it; all others are held still.
-
-        Raises:
-            FileError: The file cannot be read, is not a URDF, lacks a joint that an offset needs,
-                or has a joint that cannot be used.
-            UnknownNameError: No link has the tip's or the elbow's name.
-            ArrayError: Figures for other joints.
+        Raises FileError if it cannot be used, UnknownNameError without a link of the tip's or the
+        elbow's name, and ArrayError for figures of other joints.
         """
         return self._prepared()[0].text()
 
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the user: assumed data, held joints. Raises as `description`."""
+        """What the user should know: assumed data, held joints. Raises as `description`."""
         return (*self.assumptions, *self._prepared()[1])
 
     def kinematics(self) -> Kinematics:
@@ -141,11 +129,8 @@ class Arm:
         return Kinematics(self.description(), self.tip_frame, self.source)
 
     def bodies(self) -> Bodies:
-        """The capsules that must not collide.
-
-        Raises:
-            ArrayError: Radii for other links.
-            As `description`.
+        """The capsules that must not collide. Raises as `description`, and ArrayError for radii of
+        other links.
         """
         kinematics = self.kinematics()
         radius = self.body_radius or (_DEFAULT_RADIUS,) * (kinematics.n + 1)
@@ -159,21 +144,14 @@ class Arm:
     def _prepared(self) -> tuple[Urdf, list[str]]:
         """The URDF ready for use, and remarks on it."""
         urdf = Urdf.read(self.urdf)
-        _set_offset(urdf, 'base_mount', self.base_offset)
-        _set_offset(urdf, 'tool_mount', self.tool_offset)
+        for mount, offset in (('base_mount', self.base_offset), ('tool_mount', self.tool_offset)):
+            if offset:
+                _set_offset(urdf, mount, offset)
         tree = tree_to(urdf, (self.tip_frame, *self.other_tips))
         if self.elbow_frame:
             urdf.check_link(self.elbow_frame)
         remarks = write_out_joints(urdf, tree)
         moving = [joint for joint in tree if joint.type != 'fixed']
-        self._check_sizes(moving)
-        for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
-            child(joint.element, 'limit').set('effort', repr(effort))
-        if self.dynamics == 'cylinders':
-            make_cylinders(urdf, tree)
-        return urdf, remarks
-
-    def _check_sizes(self, moving: list[UrdfJoint]) -> None:
         for field in OF_EACH_JOINT:
             values = getattr(self, field)
             if values and len(values) != len(moving):
@@ -182,11 +160,14 @@ class Arm:
                     f'{field} has {len(values)} values; expected one for each joint that moves '
                     f'{self.tip_frame}: {names}'
                 )
+        for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
+            child(joint.element, 'limit').set('effort', repr(effort))
+        if self.dynamics == 'cylinders':
+            make_cylinders(urdf, tree)
+        return urdf, remarks
 
 
 def _set_offset(urdf: Urdf, mount: str, offset: float) -> None:
-    if not offset:
-        return
     for joint in urdf.joints:
         if joint.name == mount and joint.type == 'fixed':
             child(joint.element, 'origin').set('xyz', f'0 0 {offset!r}')

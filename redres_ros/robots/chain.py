@@ -1,8 +1,8 @@
 """A URDF made ready for Pinocchio, MuJoCo and RViz alike: the joints that move, and inertias."""
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -20,10 +20,9 @@ _CYLINDER_MIN_LENGTH = 0.001  # [m]
 
 
 def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
-    """The joints that lead to any of some tips, fixed ones included, each after those before it.
-
-    Where arms part they come one after the other, by the names of the joints, as in Pinocchio.
-    Raises UnknownNameError for a tip that is no link, and FileError for links that are no tree.
+    """The joints that lead to any of the tips, fixed ones included, in Pinocchio's order: each
+    after those before it, and branches by the names of their joints. Raises UnknownNameError for a
+    tip that is no link, and FileError for links that are no tree.
     """
     chains = [_chain_to(urdf, tip_frame) for tip_frame in tip_frames]
     leading = {joint.name: joint for chain in chains for joint in chain}
@@ -65,11 +64,10 @@ def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
 
 def write_out_joints(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
     """Check joints and inertias, and write out what Pinocchio and MuJoCo would read differently;
-    hold all joints at zero that are not of the tree. A sentence for each assumption is returned.
+    hold all other joints at zero. Returns a sentence for each assumption.
 
-    Axes get the length 1. A joint that turns without end becomes a revolute one with a range that
-    no arm uses up, as the libraries have positions of other kinds for it. Raises FileError for a
-    joint of a kind, axis or limit that cannot be used, and for negative masses.
+    A joint that turns without end becomes a revolute one with a range that no arm uses up, as the
+    libraries have positions of other kinds for it. Raises FileError for what cannot be used.
     """
     for joint in tree:
         if joint.type not in (*_MOVING, 'fixed'):
@@ -85,11 +83,16 @@ def write_out_joints(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> list[str]:
     for joint in moving:
         _write_out_axis(urdf, joint)
         remarks += _write_out_limits(urdf, joint)
-    for link in urdf.links:
-        _check_inertia(urdf, link)
+    for name, link in urdf.links.items():
+        inertial = link.find('inertial')
+        if inertial is not None:
+            _check_inertia(urdf, f'link {name}', inertial)
     others = [joint for joint in urdf.joints if joint not in tree and joint.type != 'fixed']
     for joint in others:
-        _fix(joint)
+        joint.element.set('type', 'fixed')
+        for element in list(joint.element):
+            if element.tag in _OF_MOVING_JOINTS:
+                joint.element.remove(element)
     if others:
         names = ', '.join(joint.name for joint in others)
         remarks.append(f'joints that do not lead to the tip are held at zero: {names}')
@@ -138,18 +141,7 @@ def _write_out_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
     return [f'{owner} has no effort limit and counts as unlimited']
 
 
-def _fix(joint: UrdfJoint) -> None:
-    joint.element.set('type', 'fixed')
-    for tag in _OF_MOVING_JOINTS:
-        for element in joint.element.findall(tag):
-            joint.element.remove(element)
-
-
-def _check_inertia(urdf: Urdf, link: str) -> None:
-    inertial = urdf.links[link].find('inertial')
-    if inertial is None:
-        return
-    owner = f'link {link}'
+def _check_inertia(urdf: Urdf, owner: str, inertial: Element) -> None:
     mass = urdf.number(inertial.find('mass'), 'value', owner)
     if mass < 0.0:
         raise urdf.error(f'{owner} has the mass {mass:g} kg; expected none below zero')
@@ -175,7 +167,9 @@ def make_cylinders(urdf: Urdf, tree: tuple[UrdfJoint, ...]) -> None:
         inertial = child(urdf.links[joint.child], 'inertial')
         child(inertial, 'origin').attrib.update(xyz=f'0 0 {offset / 2!r}', rpy='0 0 0')
         child(inertial, 'mass').set('value', repr(_CYLINDER_MASS))
-        _set_moments(inertial, across, across, along)
+        child(inertial, 'inertia').attrib.update(
+            ixx=repr(across), iyy=repr(across), izz=repr(along), ixy='0', ixz='0', iyz='0'
+        )
 
 
 def _offset_along_z(urdf: Urdf, tree: tuple[UrdfJoint, ...], link: str) -> float:
@@ -187,9 +181,3 @@ def _offset_along_z(urdf: Urdf, tree: tuple[UrdfJoint, ...], link: str) -> float
     if following.type == 'fixed':
         offset += _offset_along_z(urdf, tree, following.child)
     return offset
-
-
-def _set_moments(inertial: ET.Element, xx: float, yy: float, zz: float) -> None:
-    child(inertial, 'inertia').attrib.update(
-        ixx=repr(xx), iyy=repr(yy), izz=repr(zz), ixy='0', ixz='0', iyz='0'
-    )

@@ -45,12 +45,7 @@ def arm_from_urdf(
     The source is a file, a URDF or xacro (Path), or a URDF's text (str). Without a tip it is the
     last link of an arm without branches. Limits are those of each joint, (n,).
 
-    Raises:
-        FileError: The file cannot be read, has a joint that cannot be used, too few of them, or
-            more than one last link.
-        UnknownNameError: No link has the tip's or the elbow's name.
-        ArrayError: Limits of another number of joints.
-        RangeError: An effort limit that is none.
+    Raises as `Arm.description`; FileError also for too few joints, or more than one last link.
     """
     arm = Arm(
         source,
@@ -115,9 +110,9 @@ def _middle_joint(kinematics: Kinematics) -> str:
 def _start(kinematics: Kinematics) -> JointPositions:
     """A posture to begin with: the middle of the ranges, if that will do.
 
-    There many an arm is stretched out, which is a singularity. Then as few joints as possible are
-    bent, up to three, to make the posture about as well conditioned as the best one of this kind.
-    Of equally good ones, it is the one with the tip farthest in front and above (x + z).
+    There many an arm is stretched out, which is singular. Then as few joints as possible are bent,
+    up to three, for about the best conditioning of this kind. Of equally good postures it is the
+    one with the tip farthest in front and above (x + z).
     """
     middle = (kinematics.lower + kinematics.upper) / 2.0
     bend = np.minimum((kinematics.upper - kinematics.lower) / 4.0, _BEND)
@@ -144,10 +139,8 @@ def _bends(n: int) -> Iterator[np.ndarray]:
 
 
 def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
-    """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,).
-
-    Of the pose if there are enough joints for it, else of the position. Directions in which the
-    arm cannot move at all, as out of its plane, do not count.
+    """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,); of the
+    position alone for few joints, and without directions in which the arm cannot move at all.
     """
     jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
     jacobians[:, :3] /= np.linalg.norm(kinematics.offsets, axis=1).sum()  # no units
@@ -159,8 +152,8 @@ def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
 
 
 class SquareTask(NamedTuple):
-    """Five points of the tip, from a corner round to it again, and the time of a side, which is
-    long enough for every joint to stay far below its limits.
+    """Five points of the tip, the last one the first again, and the time of a side, in which every
+    joint stays far below its limits.
     """
 
     waypoints: Points
@@ -173,9 +166,8 @@ def square_before_tip(
     """A square from the initial position of the tip, towards the base; None if the tip can move in
     no such plane.
 
-    It stands before the arm if the tip can move so: its sides are along y and z. Else they are
-    along x and z, or x and y. The sides are a tenth of a metre, or as much as the joints' ranges
-    and speeds allow, by the Jacobian at the start.
+    Its sides are along y and z if the tip can move so, else along x and z, or x and y. They are
+    0.1 m, or as much as the joints' ranges and speeds allow, by the Jacobian at the start.
     """
     x = kinematics.position(start)
     J = kinematics.jacobian(start)[:3]
@@ -194,15 +186,11 @@ def square_before_tip(
         side = min(_LARGEST, by_range.min(), by_velocity.min())
         first, second = side * sides.T
         waypoints = np.array((x, x + first, x + first + second, x + second, x))
-        return SquareTask(waypoints, _segment_time(kinematics, side * rates, acceleration))
+        moved = side * rates  # (n,) [rad] of the joints
+        times = np.append(
+            PEAK_SPEED * moved / (_USED * kinematics.velocity),
+            np.sqrt(PEAK_ACCELERATION * moved / (_USED * acceleration)),
+        )
+        longest = max(_SHORTEST, float(times.max()))
+        return SquareTask(waypoints, float(np.ceil(10.0 * longest) / 10.0))  # to a tenth
     return None
-
-
-def _segment_time(
-    kinematics: Kinematics, moved: JointPositions, acceleration: JointAccelerations
-) -> Seconds:
-    """Time of a side in which the joints move so far, to a tenth."""
-    by_velocity = PEAK_SPEED * moved / (_USED * kinematics.velocity)
-    by_acceleration = np.sqrt(PEAK_ACCELERATION * moved / (_USED * acceleration))
-    longest = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
-    return float(np.ceil(10.0 * longest) / 10.0)

@@ -22,9 +22,7 @@ class JointLimits:
 
     @classmethod
     def of(cls, arm: Arm) -> 'JointLimits':
-        """The limits of an arm. Raises as `Arm.description`, and ArrayError for accelerations that
-        are not above zero.
-        """
+        """Raises as `Arm.description`, and ArrayError for accelerations that are not above zero."""
         kinematics = arm.kinematics()
         acceleration = np.full(kinematics.n, np.inf)  # (n,) [rad/s^2]
         if arm.acceleration_limit:
@@ -33,9 +31,8 @@ class JointLimits:
             raise ArrayError(
                 f'acceleration_limit is {arm.acceleration_limit}; expected values above zero'
             )
-        names = tuple(joint.name for joint in kinematics.joints)
         return cls(
-            names,
+            tuple(joint.name for joint in kinematics.joints),
             kinematics.lower,
             kinematics.upper,
             kinematics.velocity,

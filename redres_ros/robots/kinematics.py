@@ -1,14 +1,19 @@
-"""The moving joints of a URDF, and where they bring the tip; RobotModel is for use in a loop."""
+"""The moving joints of a URDF, where they bring the tip, and the capsules around the links.
+
+RobotModel is for use in a loop.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, reason_of
-from redres_ros.types import Jacobian, JointPositions, Position
+from redres_ros.types import Jacobian, JointPositions, Meters, Position
 
 BASE = -1  # in place of a joint's index
+_SHORTEST = 0.02  # [m] between joints that gets a body
 
 
 @dataclass(frozen=True)
@@ -90,9 +95,7 @@ class Kinematics:
 
     @property
     def max_point_jacobian(self) -> np.ndarray:
-        """How far a radian of each joint moves the origin of any link, at most, (n,) [m]; of a
-        prismatic joint how far a metre does.
-        """
+        """How far a radian, or a metre, of each joint moves any link's origin at most, (n,) [m]."""
         farthest = np.zeros(self.n)  # from the joint
         for index, pose in self.links.values():
             if index != BASE:
@@ -117,3 +120,51 @@ class Kinematics:
         return pin.computeFrameJacobian(
             self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
         )
+
+
+class Bodies(NamedTuple):
+    """B capsules around the lines from joint to joint, whose distances are cheap to compute."""
+
+    links: tuple[str, ...]  # the name of the link of each; that of the base is 'base'
+    moved_by: np.ndarray  # how many joints move each, (B,) of int64
+    ends: np.ndarray  # of each axis, in the frame that its last joint moves, (B, 2, 3) [m]
+    radius: np.ndarray  # (B,) [m]
+
+    @classmethod
+    def along(cls, kinematics: Kinematics, radius: tuple[float, ...]) -> 'Bodies':
+        """The bodies of an arm; radius of the base and of each link, (n + 1,) [m], 0 for one
+        without a body.
+        """
+        base = kinematics.joints[0].before[:3, 3]
+        offsets = (base, *kinematics.offsets)
+        links = ('base', *(joint.link for joint in kinematics.joints))
+        chosen = [
+            index
+            for index, offset in enumerate(offsets)
+            if radius[index] > 0.0 and np.linalg.norm(offset) > _SHORTEST
+        ]
+        ends = np.zeros((len(chosen), 2, 3))
+        for number, index in enumerate(chosen):
+            ends[number, 1] = offsets[index]
+            if index == kinematics.n:  # the last cap ends at the tip, which may be in contact
+                length = float(np.linalg.norm(offsets[index]))
+                ends[number, 1] *= max(1.0 - radius[index] / length, 0.0)
+        return cls(
+            tuple(links[index] for index in chosen),
+            np.array(chosen, np.int64),
+            ends,
+            np.array([radius[index] for index in chosen]),
+        )
+
+    def pairs(self, apart: Meters) -> np.ndarray:
+        """The pairs of bodies that may collide, (P, 2) of int64: those whose surfaces the straight
+        arm keeps farther apart than `apart`. Others touch at a joint, or nearly.
+        """
+        length = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+        pairs = [
+            (i, j)
+            for j in range(len(length))
+            for i in range(j)
+            if length[i + 1 : j].sum() - self.radius[i] - self.radius[j] > apart
+        ]
+        return np.array(pairs, np.int64).reshape(-1, 2)

@@ -13,17 +13,13 @@ from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm, EndSpeed
 from redres_ros.robots.from_urdf import arm_from_urdf
 
 
-def _urdf(name: str) -> Path:
-    return FOLDER / f'{name}.urdf'
-
-
-def radians(*degrees: float) -> tuple[float, ...]:
+def _radians(*degrees: float) -> tuple[float, ...]:
     """Angles [rad] from degrees."""
     return tuple(np.radians(degrees).tolist())
 
 
 _LWR4 = Arm(
-    urdf=_urdf('lwr4'),
+    urdf=FOLDER / 'lwr4.urdf',
     tip_frame='tool0',
     elbow_frame='link_4',
     # Ia3 to Ia7 as identified by Jubien, Gautier and Janot (2014). Ia1 and Ia2 are their ZZ1 and
@@ -31,8 +27,8 @@ _LWR4 = Arm(
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
     body_radius=(0.08, 0.066, 0.0, 0.064, 0.0, 0.058, 0.0, 0.045),
     # From the controller file of the KRC2.
-    acceleration_limit=radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
-    start=radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
+    acceleration_limit=_radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
+    start=_radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
     task='lwr4_square',
 )
 
@@ -40,23 +36,23 @@ _LWR4_PAPER = replace(  # Section 5
     _LWR4,
     base_offset=0.0125,
     tool_offset=0.135,
-    start=radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
+    start=_radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
     task='rectangle',
 )
 
 _IIWA7 = Arm(
-    urdf=_urdf('iiwa7'),
+    urdf=FOLDER / 'iiwa7.urdf',
     tip_frame='tool0',
     elbow_frame='lbr_link_4',
     body_radius=(0.1, 0.075, 0.075, 0.07, 0.07, 0.065, 0.06, 0.04),
     # KUKA publishes none. An assumption: what the MoveIt configuration of lbr_fri_ros2_stack sets.
     acceleration_limit=(10.0,) * 7,
-    start=radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
+    start=_radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
     task='iiwa7_square',
 )
 
 _FR3 = Arm(
-    urdf=_urdf('fr3'),
+    urdf=FOLDER / 'fr3.urdf',
     tip_frame='tool0',
     elbow_frame='fr3_link4',
     body_radius=(0.09, 0.0, 0.06, 0.055, 0.055, 0.0, 0.05, 0.045),
@@ -74,29 +70,29 @@ _FR3 = Arm(
         EndSpeed(0.54092, 4.5205, 5.5, 0.35),
         EndSpeed(-3.0196, 3.0196, 17.0, 0.35),
     ),
-    start=radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
+    start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
 )
 
 _GEN3 = Arm(
-    urdf=_urdf('gen3'),
+    urdf=FOLDER / 'gen3.urdf',
     tip_frame='tool0',
     elbow_frame='forearm_link',
     body_radius=(0.08, 0.046, 0.046, 0.046, 0.044, 0.038, 0.038, 0.036),
     # Kinova's user guide: 297.94 deg/s^2 for the large actuators, 572.95 deg/s^2 for the small.
     acceleration_limit=(5.2, 5.2, 5.2, 5.2, 10.0, 10.0, 10.0),
     # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
-    start=radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
+    start=_radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
     task='gen3_square',
 )
 
 _PLANAR4R = Arm(
-    urdf=_urdf('planar4r'),
+    urdf=FOLDER / 'planar4r.urdf',
     tip_frame='tool0',
     elbow_frame='link_3',
     body_radius=(0.0, 0.04, 0.04, 0.04, 0.03),
     acceleration_limit=(2.0, 2.0, 4.0, 4.0),  # as of the planar example named in the URDF
-    start=radians(0.0, 90.0, -90.0, 90.0),
+    start=_radians(0.0, 90.0, -90.0, 90.0),
     task='planar4r_hexagon',
 )
 
@@ -117,27 +113,20 @@ ALLOWED = (*ARMS, f'a path ending in {" or ".join(_ENDINGS)}')  # in words
 def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name, with fields set to other values; None leaves a field as it is.
 
-    With another tip than in the table it has no default tasks, and joints beyond the tip are held
-    still.
-
-    Raises:
-        UnknownNameError: No such arm, no such dynamics, or no link of the tip's name.
-        RangeError: An offset beyond 2 m.
+    With another tip than in the table it has no default task, and joints beyond the tip are held
+    still. Raises UnknownNameError, and RangeError for an offset beyond 2 m.
     """
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
     arm = ARMS[name]
     given = {field: value for field, value in changes.items() if value is not None}
     changed = replace(arm, **given)  # type: ignore[arg-type]  # as many types as fields
-    return changed if changed.tip_frame == arm.tip_frame else _with_another_tip(changed)
-
-
-def _with_another_tip(arm: Arm) -> Arm:
-    """An arm of the table without its tasks, and without figures of joints beyond its tip."""
-    bare = replace(arm, **dict.fromkeys(OF_EACH_JOINT, ()))  # type: ignore[arg-type]
+    if changed.tip_frame == arm.tip_frame:
+        return changed
+    bare = replace(changed, **dict.fromkeys(OF_EACH_JOINT, ()))  # type: ignore[arg-type]
     n = bare.kinematics().n
-    figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
-    return replace(arm, task='', body_radius=arm.body_radius[: n + 1], **figures)
+    figures = {field: getattr(changed, field)[:n] for field in OF_EACH_JOINT}
+    return replace(changed, task='', body_radius=changed.body_radius[: n + 1], **figures)
 
 
 def names_an_arm(robot: str) -> bool:
@@ -147,11 +136,7 @@ def names_an_arm(robot: str) -> bool:
 
 def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
     """The arm of a name in the table, or of the path of a .urdf or .xacro file; an empty frame is
-    the arm's own, or that which `arm_from_urdf` chooses.
-
-    Raises:
-        UnknownNameError: No such arm, or no link of the tip's or the elbow's name.
-        FileError: A file that cannot be used, or that has more than one last link.
+    the arm's own, or that which `arm_from_urdf` chooses. Raises UnknownNameError or FileError.
     """
     if not names_an_arm(robot):
         raise UnknownNameError('robot', robot, ALLOWED)

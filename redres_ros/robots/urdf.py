@@ -48,8 +48,7 @@ class Urdf:
     @classmethod
     def read(cls, source: Path | str) -> 'Urdf':
         """A URDF from a file (Path), or from its text (str); a .xacro file is converted first.
-
-        Raises FileError: it cannot be read, is not a URDF, or is a xacro that fails to convert.
+        Raises FileError.
         """
         name = source_name(source)
         try:
@@ -106,10 +105,8 @@ class Urdf:
     def numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str
     ) -> np.ndarray:
-        """An attribute's numbers, of an element that may be missing. The default is a text with as
-        many numbers as are expected; errors name the owner, a joint or link.
-
-        Raises FileError for too few or too many numbers, or NaN or infinity.
+        """An attribute's numbers, as many as in the default, of an element that may be missing.
+        Raises FileError, which names the owner, for another number of them, NaN or infinity.
         """
         text = default if element is None else element.get(attribute, default)
         expected = len(default.split())
