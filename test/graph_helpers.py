@@ -27,9 +27,9 @@ from std_srvs.srv import Trigger
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
 from redres_ros.graph.monitor import Sample, Sampler
+from redres_ros.nodes.conversions import deserialised, stamp_of, to_nanoseconds, to_time
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import LATCHED, MODE, SESSION
-from redres_ros.nodes.wire import deserialised, stamp_of, to_nanoseconds, to_time
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm

@@ -3,7 +3,7 @@
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 
-from redres_ros.nodes.wire import to_time
+from redres_ros.nodes.conversions import to_time
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from virtual_graph import Graph
 
 from redres_ros.loop.session import COMMANDING
-from redres_ros.nodes.wire import to_nanoseconds
+from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.robots.joint_limits import JointLimits
 
 MODES = ('inactive', 'mirroring', 'holding', 'moving', 'stopping')

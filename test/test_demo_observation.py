@@ -27,8 +27,8 @@ from redres_ros.demo.observation import (
 from redres_ros.demo.outcome import Outcome, motion_values, pressing_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law
+from redres_ros.nodes.conversions import stamp_of, to_time
 from redres_ros.nodes.topics import REASON, TASK_STATE
-from redres_ros.nodes.wire import stamp_of, to_time
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel

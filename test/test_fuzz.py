@@ -34,9 +34,9 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
-from redres_ros.nodes.wire import to_nanoseconds
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

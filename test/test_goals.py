@@ -15,8 +15,7 @@ from std_msgs.msg import String
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import RobotModel
-from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.wire import to_nanoseconds, to_time
+from redres_ros.nodes.conversions import to_nanoseconds, to_pose, to_time
 from redres_ros.planning.task_executor import TaskState
 
 pytestmark = pytest.mark.slow

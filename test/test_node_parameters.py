@@ -25,9 +25,8 @@ from virtual_graph import _Cycles, virtual_run
 from redres_ros.files.installation import remedy
 from redres_ros.nodes import runtime
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.gone import instead_of
 from redres_ros.nodes.lifecycle import LifeError
-from redres_ros.nodes.parameters import ParameterError, misspelt
+from redres_ros.nodes.parameters import ParameterError, instead_of, misspelt
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import own_domain
 from redres_ros.nodes.sim import SimNode

@@ -13,7 +13,7 @@ from own_ros import ros
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from redres_ros.nodes.telemetry import LOOK_PERIOD, Telemetry
+from redres_ros.nodes.topics import LOOK_PERIOD, Telemetry
 
 
 class Speaker:

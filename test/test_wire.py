@@ -13,7 +13,7 @@ from messages import to_twist
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from redres_ros.nodes.wire import (
+from redres_ros.nodes.conversions import (
     EncodingError,
     JointStateReader,
     JointStateWriter,
@@ -87,10 +87,9 @@ def test_twists_are_read_as_rclpy_reads_them():
         stamped = int(rng.integers(-(2**31), 2**31)) * 10**9 + int(rng.integers(10**9))
         twist = to_twist(stamped, random_text(random.Random(stamped)), rng.normal(size=6))
         for message in (serialize_message(twist), twist):
-            sample = read_twist(message)
-            assert sample.stamp == stamped
-            assert sample.frame == twist.header.frame_id
-            assert (sample.dx == (*xyz(twist.twist.linear), *xyz(twist.twist.angular))).all()
+            got, frame, dx = read_twist(message)
+            assert (got, frame) == (stamped, twist.header.frame_id)
+            assert (dx == (*xyz(twist.twist.linear), *xyz(twist.twist.angular))).all()
 
 
 def xyz(vector) -> tuple[float, float, float]:
@@ -108,7 +107,7 @@ def test_another_byte_order_is_left_to_rclpy():
     twist = to_twist(1, 'world', np.arange(6.0))
     data = big_endian(twist)
     assert deserialize_message(data, TwistStamped).twist == twist.twist
-    assert (read_twist(data).dx == np.arange(6.0)).all()
+    assert (read_twist(data)[2] == np.arange(6.0)).all()
 
 
 @pytest.mark.parametrize('length', [0, 3, 4, 11, 15, 40, 100, 150])
@@ -153,7 +152,7 @@ def test_states_and_twists_are_written_as_rclpy_writes_them():
     rng = random.Random(2)
     numbers = np.random.default_rng(2)
     for _ in range(100):
-        n = rng.randrange(10)
+        n = rng.randrange(1, 10)
         names = [random_text(rng) for _ in range(n)]
         frame = random_text(rng)
         states = JointStateWriter(names)

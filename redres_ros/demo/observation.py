@@ -17,9 +17,8 @@ from redres_ros.geometry import from_quaternion
 from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
-from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.conversions import JointMapper, deserialised, stamp_of, to_nanoseconds
 from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
-from redres_ros.nodes.wire import deserialised, stamp_of, to_nanoseconds
 from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.resolution import Solution

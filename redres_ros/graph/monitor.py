@@ -22,7 +22,7 @@ from redres_ros.errors import RedresError, one_line
 from redres_ros.graph.client import GraphClient
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
-from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.conversions import EncodingError, JointMapper, deserialised
 from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
@@ -35,7 +35,6 @@ from redres_ros.nodes.topics import (
     SESSION,
     TASK_STATE,
 )
-from redres_ros.nodes.wire import EncodingError, deserialised
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import finite_vector
 

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
@@ -19,8 +20,17 @@ from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
 from redres_ros.loop.settings import LoopSettings
+from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
-from redres_ros.nodes.conversions import JointMapper, TwistTransformer
+from redres_ros.nodes.conversions import (
+    JointMapper,
+    JointSample,
+    JointStateReader,
+    JointStateWriter,
+    TwistTransformer,
+    read_twist,
+    to_nanoseconds,
+)
 from redres_ros.nodes.diagnostics import (
     ERROR,
     OK,
@@ -30,32 +40,24 @@ from redres_ros.nodes.diagnostics import (
     InputMonitor,
     Watchdog,
 )
-from redres_ros.nodes.forwarding import Forwarding
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles, take_workspace
 from redres_ros.nodes.parameters import (
     NONE,
     ListenerParameters,
     declare,
+    named,
     on_live_change,
     with_changes,
 )
-from redres_ros.nodes.policy_parameters import PolicyParameters, named
-from redres_ros.nodes.robot_parameters import declare_robot
+from redres_ros.nodes.robot_parameters import PolicyParameters, declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.sensors import Sensors
-from redres_ros.nodes.telemetry import LatchedWords
-from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT, STEADY
-from redres_ros.nodes.wire import (
-    JointSample,
-    JointStateReader,
-    JointStateWriter,
-    read_twist,
-    to_nanoseconds,
-)
+from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT, STEADY, LatchedWords
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import check_finite
+
+_Enter = Callable[[Any], Response | None]
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _REPEAT = 5.0  # [s] after which a warning is logged again
@@ -126,7 +128,6 @@ class ControllerNode(ManagedNode):
             self._forwarding = Forwarding(self, model.joint_names)
         self._words = LatchedWords(self, MODE)
         self._reported_error = ''
-        self._reported_mode: Mode | None = None
         self._telemetry = MotionTelemetry(self, frame, T)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
@@ -140,16 +141,19 @@ class ControllerNode(ManagedNode):
 
     def _listen(self) -> None:
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
-        self.create_subscription(
-            TwistStamped, 'cartesian_velocity', self._on_twist, RECENT, raw=True
-        )
-        self.create_subscription(JointState, 'joint_velocity', self._on_joint_velocity, RECENT)
+        self._take('cartesian_velocity', TwistStamped, self._enter_twist, raw=True)
+        self._take('joint_velocity', JointState, self._enter_joint_velocity)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.listen(self._loop, self._inputs)
         self._sensors.apply({}, self._policy.policy.measurements)
         if self._controller.robot_interface.patience:
-            self.create_timer(_LOOK, self._on_look, clock=STEADY)
+            self.create_timer(_LOOK, self._respond_if_due, clock=STEADY)
+
+    def _take(self, topic: str, kind: type, enter: _Enter, *, raw: bool = False) -> None:
+        """Subscribe to task velocities or joint velocities."""
+        receive = partial(self._respond, topic, enter)
+        self.create_subscription(kind, topic, receive, RECENT, raw=raw)
 
     def _on_state(self, message: JointState | bytes) -> None:
         try:
@@ -169,9 +173,6 @@ class ControllerNode(ManagedNode):
             self._loop.set_connected(not self._forwarding.is_pending)
         return self._loop.step(sample.stamp, q, time.monotonic())
 
-    def _on_twist(self, message: TwistStamped | bytes) -> None:
-        self._respond('cartesian_velocity', self._enter_twist, message)
-
     def _enter_twist(self, message: TwistStamped | bytes) -> Response | None:
         stamp, frame, dx = read_twist(message)
         check_finite(dx, 'cartesian_velocity')
@@ -179,18 +180,15 @@ class ControllerNode(ManagedNode):
             dx = self._transformer.to_base(dx, frame, self._loop.q)
         return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
-    def _on_joint_velocity(self, message: JointState) -> None:
-        self._respond('joint_velocity', self._enter_joint_velocity, message)
-
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
         dq = self._joints.velocities(message)
         stamp = to_nanoseconds(message.header.stamp)
         return self._loop.enter_joint_velocity(stamp, dq, time.monotonic(), time.time_ns())
 
-    def _on_look(self) -> None:
+    def _respond_if_due(self) -> None:
         self._respond('joint_states', self._loop.respond_if_due, time.monotonic())
 
-    def _respond(self, source: str, enter: Callable[[Any], Response | None], given: Any) -> None:
+    def _respond(self, source: str, enter: _Enter, given: Any) -> None:
         """Publish the response to what was given, or report why it was refused."""
         if not self.configured:
             return
@@ -199,7 +197,8 @@ class ControllerNode(ManagedNode):
         except RedresError as error:
             self._inputs.refuse(source, error)
             return
-        if self._loop.mode is not self._reported_mode:  # it goes out before its first command
+        # it goes out before its first command
+        if self._loop.mode.value != self._words.get(MODE):
             self._report()
         if response is not None:
             self._publish(response)
@@ -227,7 +226,6 @@ class ControllerNode(ManagedNode):
         if error and error != self._reported_error:
             self.get_logger().error(error)
         self._reported_error = error
-        self._reported_mode = loop.mode
         self._words.publish({MODE: loop.mode.value})
 
     @property

@@ -18,7 +18,7 @@ from redres_ros.errors import ArrayError
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import Response
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.topics import Telemetry
 from redres_ros.policy import Policy
 from redres_ros.types import JointPositions, Nanoseconds, Seconds, check_finite
 
@@ -47,8 +47,7 @@ _LIMITS_REMINDER = 0.5  # [s] the same, while none acts
 class Figures(NamedTuple):
     """Values of one instant, named as the topics; those of dq and ddq: the largest since the last.
 
-    Attributes:
-        time: Of the robot's clock.
+    The time is that of the robot's clock.
     """
 
     time: Seconds

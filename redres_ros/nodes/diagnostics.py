@@ -112,10 +112,7 @@ class InputMonitor:
 class Watchdog:
     """Notices the silence of joint_states by the monotonic clock; logs its beginning and its end.
 
-    Args:
-        node: Node whose log is used.
-        rate: States per second.
-        lockstep: States wait for commands: no silence is too long.
+    In lock-step, states wait for commands: no silence is too long.
     """
 
     def __init__(self, node: Node, rate: float, lockstep: bool) -> None:

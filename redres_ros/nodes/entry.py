@@ -20,15 +20,10 @@ _OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
 
 
 def run_node(name: str, arguments: list[str] | None = None) -> int:
-    """Run a node until it ends.
+    """Run the node of a module until it ends. Without arguments it gets those of this process.
 
-    Args:
-        name: Name of its module.
-        arguments: What follows the name of the executable; None: those of this process.
-
-    Returns:
-        The exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C before
-        the node began.
+    Returns the exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C
+    before the node began.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     options = _OPTIONS.get(name, ())

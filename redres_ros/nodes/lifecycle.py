@@ -1,32 +1,24 @@
 """The life cycle of ROS 2: its states, by its standard services."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.parameters import check_given, declare
+from redres_ros.nodes.parameters import check_given, declare_one
 from redres_ros.nodes.topics import STEADY
-from redres_ros.parameter import param
+from redres_ros.parameter import Parameter
 
 _DONE = TransitionCallbackReturn.SUCCESS
 _PATIENCE = 3.0  # [s] for the first message on /clock
+_INITIAL_STATE = Parameter(
+    'state of its life cycle in which the node starts',
+    choices=('unconfigured', 'inactive', 'active'),
+)
 
 
 class LifeError(RedresError):
     """An action that needs an active node."""
-
-
-@dataclass(frozen=True)
-class _LifecycleParameters:
-    """Parameters of every node."""
-
-    initial_state: str = param(
-        'active',
-        'state of its life cycle in which the node starts',
-        choices=('unconfigured', 'inactive', 'active'),
-    )
 
 
 class ManagedNode(LifecycleNode):
@@ -58,7 +50,7 @@ class ManagedNode(LifecycleNode):
         self._refuse_impossible_transitions()
         if self.get_parameter('use_sim_time').value:
             self._clock_timer = self.create_timer(_PATIENCE, self._look_at_clock, clock=STEADY)
-        wanted = declare(self, _LifecycleParameters()).initial_state
+        wanted = declare_one(self, 'initial_state', 'active', _INITIAL_STATE)
         if wanted != 'unconfigured':
             self.trigger_configure()
         if wanted == 'active':

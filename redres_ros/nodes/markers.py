@@ -14,8 +14,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.limits.scene import SPHERE, WALLS, DrawnShape, Shape, read_shapes, shapes_of
+from redres_ros.nodes.conversions import to_time
 from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
-from redres_ros.nodes.wire import to_time
 from redres_ros.types import Nanoseconds, Points, Position
 
 _TRACES_EVERY = 0.2  # [s]
@@ -83,30 +83,25 @@ class Markers:
 def show_obstacles(
     node: Node, frame: str, shapes: Shapes = shapes_of, namespace: str = 'obstacles'
 ) -> None:
-    """Have a node publish what its limits keep away from, or other shapes.
-
-    Args:
-        node: Node with the parameters of these limits.
-        frame: Frame of their figures.
-        shapes: Shapes by the values of these parameters.
-        namespace: Namespace of the markers.
+    """Have a node publish what its limits keep away from, or other shapes by its parameters; their
+    figures are in the frame, and the namespace is that of the markers.
     """
     publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
-    shown: set[int] = set()
+    shown = 0  # how many there are
 
     def publish() -> None:
+        nonlocal shown
         if publisher.get_subscription_count() == 0:
             return
-        drawn = shapes(lambda name: node.get_parameter(name).value)
-        markers = list(map(_to_marker, drawn))
+        markers = [
+            _to_marker(shape) for shape in shapes(lambda name: node.get_parameter(name).value)
+        ]
+        gone = max(shown - len(markers), 0)
+        shown = len(markers)
+        # One by one: DELETEALL would also delete the traces.
+        markers += [Marker(action=Marker.DELETE) for _ in range(gone)]
         for number, marker in enumerate(markers):
             marker.id = number
-        gone = shown - {marker.id for marker in markers}
-        shown.update(range(len(markers)))
-        shown.difference_update(gone)
-        # One by one: DELETEALL would also delete the traces.
-        markers += [Marker(id=number, action=Marker.DELETE) for number in gone]
-        for marker in markers:
             marker.ns = namespace
             marker.header.frame_id = frame
         publisher.publish(MarkerArray(markers=markers))

@@ -17,8 +17,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import RATES
-from redres_ros.nodes.gone import instead_of
-from redres_ros.parameter import Parameter, check_parameters, param, parameters
+from redres_ros.parameter import Parameter, check_value, param, parameters
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -28,6 +27,83 @@ P = TypeVar('P', bound='DataclassInstance')
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
 _ALIKE = 0.85  # similarity of two names; target_timeout must not count as state_timeout
+
+# Parameters of earlier versions, by what to write instead.
+_GONE = {
+    # of every node
+    'start it by chrt or taskset, or the launch argument launch-prefix': (
+        'realtime_priority lock_memory processors keep_awake'
+    ),
+    'it belongs to the arm: give its name or URDF to robot': (
+        'base_offset tool_offset effort_limit elbow_frame'
+    ),
+    'rate decides it': 'state_timeout',
+    # of the controller
+    'robot_interface (fri, fci, ros2_control, sim) decides it': (
+        'bridging restart_after twist_patience following_tolerance jerk.lost'
+    ),
+    'set robot_interface to ros2_control': 'forward_commands',
+    'limit_scale scales the accelerations of the joints': (
+        'max_linear_acceleration max_angular_acceleration'
+    ),
+    'the topic external_torques counts, or without it the efforts of joint_states': (
+        'external_torques_from'
+    ),
+    "set scene.obstacles, as 'floor -0.1; sphere 0.5 0 0.4 0.1'": (
+        'collision.floor collision.spheres'
+    ),
+    'set scene.clearance, one for both': 'collision.clearance workspace.clearance',
+    'set scene.points': 'workspace.points',
+    "set scene.walls, as 'half_space 0 0 1 0.9; inside_box -1 -1 0 1 1 1'": (
+        'workspace.half_spaces workspace.inside_boxes workspace.outside_boxes '
+        'workspace.inside_spheres workspace.outside_spheres'
+    ),
+    'the weight W of the law decides it': 'compliance.inertia_power',
+    'set gravity, one for all laws': (
+        'minimum_torque.gravity minimum_weighted_torque.gravity dynamically_consistent.gravity'
+    ),
+    'set task_gain, one for all tasks': (
+        'position.gain orientation.gain pose.gain axis.gain elbow.gain joint.gain '
+        'configuration.gain'
+    ),
+    'write it behind the name, as in secondary_tasks: [orientation@link_4]': (
+        'position.frame orientation.frame pose.frame axis.frame joint.joint'
+    ),
+    'write it behind the name, as in preferences: [manipulability@pose]': 'manipulability.rows',
+    # of the planner
+    'target_speed decides it': 'feedback_limit',
+    # of the sim
+    'profile decides it': (
+        'bridged_misses entry_tolerance acceleration_window position_margin velocity_stops '
+        'acceleration_tolerance jerk_limit'
+    ),
+    'set state_delay or command_delay': 'state_delay_spread command_delay_spread',
+    'set state_loss or command_loss': 'state_loss_burst command_loss_burst',
+    'set disorder': 'state_duplication state_reordering command_duplication command_reordering',
+    'set push_force, an array of x, y, z; zeros end a push': (
+        'push_force_x push_force_y push_force_z push_time'
+    ),
+    'set wrench_fault': (
+        'wrench_delay wrench_loss wrench_noise wrench_bias wrench_range wrench_not_finite'
+    ),
+    'set encoder_noise': 'encoder_step',
+    'set acceleration_limit': 'acceleration_scale',
+    'a wall faces the base; its stiffness is 1e4 N/m, its friction 0.3': (
+        'contact_normal contact_radius contact_friction'
+    ),
+    # of any of them
+    'it is a constant': (
+        'give_up_after greedy headstart home_speed home_tolerance stuck_after target_acceleration '
+        'target_timeout joint_limit_avoidance.margin joint_limit_avoidance.horizon fault_seed '
+        'plant_step servo_bandwidth joint_friction contact_stiffness collision.influence '
+        'collision.time workspace.influence workspace.time admittance.sensor_range '
+        'admittance.filter_time admittance.payload_mass admittance.payload_center '
+        'admittance.search_speed admittance.search_distance admittance.retreat_speed '
+        'admittance.retreat_distance admittance.contact_stiffness admittance.contact_delay '
+        'admittance.servo_bandwidth'
+    ),
+}
+_INSTEAD = {name: instead for instead, names in _GONE.items() for name in names.split()}
 
 
 class ParameterError(RedresError):
@@ -54,23 +130,14 @@ class ListenerParameters(LoopParameters):
 
 
 def declare(node: Node, defaults: P, prefix: str = '') -> P:
-    """Declare every field of a dataclass as a parameter; returns the same with the node's values.
-
-    Args:
-        node: Gets the parameters.
-        defaults: A dataclass whose fields are made with `param`.
-        prefix: What their names begin with, such as 'admittance.'.
-
-    Raises:
-        RedresError: A value of another type, or one that is not allowed.
+    """Declare every field of a dataclass that was made with `param`; returns the same with the
+    node's values. Raises RedresError for one of another type, or that is not allowed.
     """
     values = {}
     for field, parameter in parameters(defaults).items():
         default = getattr(defaults, field.name)
         values[field.name] = declare_one(node, prefix + field.name, default, parameter)
-    declared = replace(defaults, **values)
-    check_parameters(declared)
-    return declared
+    return replace(defaults, **values)
 
 
 def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> Any:
@@ -78,7 +145,7 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
 
     Whole numbers are taken for numbers with a decimal point, a text with commas for an array of
     texts, and an empty array of texts for the word none, here and whenever the parameter is set.
-    Raises ParameterError for a value of another type, none, or one out of range.
+    Raises RedresError for a value of another type, none, or one that is not allowed.
     """
     initial = list(default) if isinstance(default, tuple) else default
     of_any_type = ParameterDescriptor(dynamic_typing=True)
@@ -95,7 +162,9 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
     except ParameterException:
         allowed = _allowed(default, parameter)
         raise ParameterError(f'{name} is {wanted.value!r}; allowed: {allowed}') from None
-    return tuple(value) if isinstance(default, tuple) else value
+    value = tuple(value) if isinstance(default, tuple) else value
+    check_value(name, value, parameter)
+    return value
 
 
 def on_live_change(
@@ -117,10 +186,16 @@ def on_live_change(
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
 
 
-def with_changes(settings: P, changes: Mapping[str, Any]) -> P:
+def with_changes(settings: P, changes: Mapping[str, Any], prefix: str = '') -> P:
     """A dataclass after changes of parameters by name; those of other parameters are ignored."""
-    names = {field.name for field in fields(settings)}
-    return replace(settings, **{name: changes[name] for name in names & changes.keys()})
+    names = {prefix + field.name for field in fields(settings)}
+    own = {name.removeprefix(prefix): changes[name] for name in names & changes.keys()}
+    return replace(settings, **own)
+
+
+def named(words: Iterable[str]) -> tuple[str, ...]:
+    """The names in a parameter such as `limits`, without the word none."""
+    return tuple(word for word in words if word != NONE)
 
 
 class _GoneError(ParameterNotDeclaredException):
@@ -128,6 +203,11 @@ class _GoneError(ParameterNotDeclaredException):
 
     def __init__(self, text: str) -> None:
         Exception.__init__(self, text)
+
+
+def instead_of(name: str) -> str:
+    """The error for a parameter that is gone; empty for any other name."""
+    return f'{name} is no parameter any more: {_INSTEAD[name]}' if name in _INSTEAD else ''
 
 
 def check_given(node: Node) -> None:

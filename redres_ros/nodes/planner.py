@@ -13,7 +13,17 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
-from redres_ros.nodes.conversions import JointMapper, from_pose, to_pose
+from redres_ros.nodes.conversions import (
+    JointMapper,
+    JointSample,
+    JointStateReader,
+    JointStateWriter,
+    TwistWriter,
+    from_pose,
+    to_nanoseconds,
+    to_pose,
+    to_time,
+)
 from redres_ros.nodes.diagnostics import (
     ERROR,
     OK,
@@ -26,10 +36,8 @@ from redres_ros.nodes.diagnostics import (
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare
-from redres_ros.nodes.policy_parameters import END_OF_REACH
-from redres_ros.nodes.robot_parameters import declare_robot
+from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.telemetry import LatchedWords, Telemetry
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
     LATCHED,
@@ -40,14 +48,8 @@ from redres_ros.nodes.topics import (
     RECENT,
     TASK_BEGUN,
     TASK_STATE,
-)
-from redres_ros.nodes.wire import (
-    JointSample,
-    JointStateReader,
-    JointStateWriter,
-    TwistWriter,
-    to_nanoseconds,
-    to_time,
+    LatchedWords,
+    Telemetry,
 )
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings

@@ -1,61 +1,62 @@
-"""The arm of a node: by name, from a file, or from robot_description."""
+"""Parameters of the arm and of how it is to move: law, limits, preferences, tasks, their gains."""
 
 import signal
 import time
-from collections.abc import Callable
+from collections import ChainMap
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import chain
+from typing import Any, NamedTuple
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.errors import UnknownNameError
+from redres_ros.errors import RedresError, UnknownNameError
 from redres_ros.files.processes import handled
-from redres_ros.nodes.parameters import ParameterError, declare
+from redres_ros.laws import LAWS
+from redres_ros.limits import LIMITS
+from redres_ros.nodes.parameters import (
+    NONE,
+    ParameterError,
+    declare,
+    declare_one,
+    named,
+    with_changes,
+)
 from redres_ros.nodes.topics import LATCHED
-from redres_ros.parameter import param
+from redres_ros.parameter import Parameter, check_once, check_parameters, param
+from redres_ros.policy import Policy, make_policy
+from redres_ros.preferences import PREFERENCES
+from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.table import ALLOWED, names_an_arm
+from redres_ros.tasks import TASKS
+from redres_ros.types import Seconds
 
 TOPIC = 'topic'  # in place of an arm's name: the URDF that another node publishes
 DESCRIPTION = 'robot_description'
+# Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
+END_OF_REACH = 0.02  # of the largest singular value of the task
 
 _PATIENCE = 3.0  # [s] of waiting for the description between one line in the log and the next
 _WAIT = 0.1  # [s] after which Python's signal handlers have their turn
+_ROBOT = Parameter(
+    'arm: a name that `redres laws` prints, a path ending in .urdf or .xacro, '
+    'or topic: the URDF on robot_description'
+)
+_TIP_FRAME = Parameter(
+    "link that carries out the task; empty: the arm's own, of a URDF the last one"
+)
+_ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
+_DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
+_NODES_OWN = {'acceleration.reach': END_OF_REACH}
+_NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 
 
-@dataclass(frozen=True)
-class _RobotParameters:
-    """The arm and its tip."""
-
-    robot: str = param(
-        'lwr4_paper',
-        'arm: a name that `redres laws` prints, a path ending in .urdf or .xacro, '
-        'or topic: the URDF on robot_description',
-    )
-    tip_frame: str = param(
-        '', "link that carries out the task; empty: the arm's own, of a URDF the last one"
-    )
-
-
-@dataclass(frozen=True)
-class _LimitParameters:
-    """What a URDF does not say."""
-
-    acceleration_limit: tuple[float, ...] = param(
-        (), 'of each joint from base to tip [rad/s^2]', 1e-3, 1e6
-    )
-
-
-@dataclass(frozen=True)
-class _DynamicsParameters:
-    """The inertias of the arm."""
-
-    dynamics: str = param(
-        'identified', 'inertias: identified arm or uniform cylinders', choices=DYNAMICS
-    )
+class _NoneError(RedresError):
+    """The word none beside names."""
 
 
 class _ChosenRobot(NamedTuple):
@@ -68,41 +69,30 @@ class _ChosenRobot(NamedTuple):
 def declare_robot(
     node: Node, *, is_the_robot: bool = False, has_dynamics: bool = True
 ) -> _ChosenRobot:
-    """Declare the parameters of the arm. With `topic`, wait until the description has come.
-
-    Args:
-        node: Has the parameters.
-        is_the_robot: Whether the node publishes the description itself.
-        has_dynamics: Whether the inertias matter to it.
-
-    Raises:
-        RedresError: A value of another type, or an arm that cannot be used.
+    """Declare the parameters of the arm. With `topic`, wait until the description has come, unless
+    the node is the robot and publishes it. Raises RedresError for an arm that cannot be used.
     """
-    wanted = declare(node, _RobotParameters())
-    if wanted.robot == TOPIC and is_the_robot:
+    robot = declare_one(node, 'robot', 'lwr4_paper', _ROBOT)
+    tip_frame = declare_one(node, 'tip_frame', '', _TIP_FRAME)
+    if robot == TOPIC and is_the_robot:
         raise ParameterError(
             f'robot is {TOPIC}, but this node publishes {DESCRIPTION} itself; '
             f'allowed: {", ".join(ALLOWED)}'
         )
-    arm = make_arm(wanted.robot, wanted.tip_frame, lambda: _await_description(node))
+    arm = make_arm(robot, tip_frame, lambda: _await_description(node))
     for remark in arm.remarks():
         node.get_logger().info(remark)
-    limits = declare(node, _LimitParameters(arm.acceleration_limit))
-    arm = replace(arm, acceleration_limit=limits.acceleration_limit)
+    acceleration = declare_one(node, 'acceleration_limit', arm.acceleration_limit, _ACCELERATION)
+    arm = replace(arm, acceleration_limit=acceleration)
     if has_dynamics:
-        dynamics = declare(node, _DynamicsParameters(arm.dynamics))
-        arm = replace(arm, dynamics=dynamics.dynamics)
+        arm = replace(arm, dynamics=declare_one(node, 'dynamics', arm.dynamics, _DYNAMICS))
     arm.kinematics()  # refuses limits of another number of joints
-    return _ChosenRobot(wanted.robot, arm)
+    return _ChosenRobot(robot, arm)
 
 
 def make_arm(robot: str, tip_frame: str, await_description: Callable[[], str]) -> Arm:
-    """The arm of the parameters of those names. Raises RedresError for one that cannot be used.
-
-    Args:
-        robot: A name, a file, or `topic`.
-        tip_frame: Empty for the arm's own.
-        await_description: Returns the URDF on the topic.
+    """The arm of the parameters of those names; `topic` stands for the URDF that is waited for.
+    Raises RedresError for one that cannot be used.
     """
     if robot == TOPIC:
         return arm_from_urdf(await_description(), tip_frame)
@@ -132,3 +122,110 @@ def _await_description(node: Node) -> str:
         executor.shutdown()
         node.destroy_subscription(subscription)
     return str(received[-1].data)
+
+
+@dataclass(frozen=True)
+class _PolicySettings:
+    """Which law, limits, preferences and tasks are in use."""
+
+    law: str = param('minimum_acceleration', 'redundancy resolution law', choices=LAWS, live=True)
+    limits: tuple[str, ...] = param(
+        ('position', 'velocity', 'acceleration'),
+        'limits that every command keeps',
+        choices=ChainMap(_NONE, LIMITS),
+        live=True,
+    )
+    limit_scale: float = param(
+        1.0, 'fraction of the velocity and acceleration limits that is used', 0.001, 1.0, live=True
+    )
+    torque_scale: float = param(
+        1.0, 'fraction of the torque limits that is used', 0.001, 1.0, live=True
+    )
+    preferences: tuple[str, ...] = param(
+        (NONE,), 'objectives in the null space', choices=ChainMap(_NONE, PREFERENCES), live=True
+    )
+    secondary_tasks: tuple[str, ...] = param(
+        (NONE,), 'further tasks in order of priority', choices=ChainMap(_NONE, TASKS), live=True
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        for name in ('limits', 'preferences', 'secondary_tasks'):
+            words = getattr(self, name)
+            if NONE in words and words != (NONE,):
+                raise _NoneError(f'{name} are {list(words)}; expected names or {NONE}')
+            check_once(f'{name}:', words)
+
+
+class PolicyParameters:
+    """The parameters of what a controller does in each tick, all of which can be set live."""
+
+    def __init__(self, node: Node, model: RobotModel, task: str, T: Seconds) -> None:
+        self._model = model
+        self._task = task
+        self._T = T
+        self._settings = declare(node, _PolicySettings())
+        self._gains = {
+            key: declare_one(node, key, default, parameter)
+            for key, default, parameter in _all_gains(T)
+        }
+        self.policy = self._made(self._settings, self._gains)
+        self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
+
+    def check(self, changes: Mapping[str, Any]) -> None:
+        """Make the policy after changes of parameters, for adopt(); those of others are ignored.
+
+        Raises RedresError for a value that is not allowed, or that does not suit the arm.
+        """
+        self._next = (self._settings, self._gains, self.policy)
+        settings = with_changes(self._settings, changes)
+        own = self._gains.keys() & changes.keys()
+        if settings == self._settings and not own:
+            return
+        gains = {**self._gains, **{key: changes[key] for key in own}}
+        policy = self._made(settings, gains)
+        if _of_limits(settings, gains) == _of_limits(self._settings, self._gains):
+            policy = replace(policy, limits=self.policy.limits)
+        self._next = (settings, gains, policy)
+
+    def adopt(self) -> Policy:
+        """Put the policy that was checked last in force; unchanged limits stay the same."""
+        self._settings, self._gains, self.policy = self._next
+        return self.policy
+
+    def _made(self, settings: _PolicySettings, gains: Mapping[str, Any]) -> Policy:
+        policy = make_policy(
+            self._model,
+            settings.law,
+            task=self._task,
+            limits=named(settings.limits),
+            limit_scale=settings.limit_scale,
+            torque_scale=settings.torque_scale,
+            preferences=named(settings.preferences),
+            secondary_tasks=named(settings.secondary_tasks),
+            gains=gains,
+        )
+        policy.check(self._model, self._T)
+        return policy
+
+
+def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
+    """All that the limits depend on."""
+    values = [gains.get(name) for name in LIMITS.gain_keys]
+    return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
+
+
+def _all_gains(T: Seconds) -> Iterator[tuple[str, Any, Parameter]]:
+    """Key, default and declaration of every gain in the tables; a damping is at most 1/T [1/s].
+
+    Targets that are open by default are not among them: ROS has no value for that.
+    """
+    seen = set()
+    for gain in chain.from_iterable(table.gains() for table in (LAWS, LIMITS, PREFERENCES, TASKS)):
+        key = gain.key
+        if key in seen or gain.default == ():
+            continue
+        seen.add(key)
+        upper = 1.0 / T if key == 'damping' else gain.parameter.upper  # Appendix B
+        default = _NODES_OWN.get(key, gain.default)
+        yield key, default, replace(gain.parameter, upper=upper, live=True)

@@ -209,14 +209,12 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
 
 
 def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) -> int:
-    """Make nodes, spin them, and end them cleanly on SIGINT or SIGTERM.
+    """Make nodes, spin them, and end them cleanly on SIGINT or SIGTERM; returns the exit status: 0,
+    1 after an error, or 130 after a signal before the nodes began.
 
     One of them may have `run(stopped, spinner)`, a loop of its own that ends when the event is set;
     callbacks run whenever it waits by the spinner. A node may have `close()`, called while it can
     still publish. The command line is that of the process, if none is given.
-
-    Returns:
-        The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
     """
     open_error_output()
     stopped = threading.Event()

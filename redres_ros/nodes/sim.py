@@ -21,6 +21,13 @@ from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.scene import touched
+from redres_ros.nodes.conversions import (
+    EncodingError,
+    JointStateReader,
+    JointStateWriter,
+    stamp_of,
+    to_time,
+)
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
@@ -33,14 +40,16 @@ from redres_ros.nodes.parameters import (
 )
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Spinner, run_nodes
-from redres_ros.nodes.telemetry import LatchedWords, Telemetry
-from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION, STEADY
-from redres_ros.nodes.wire import (
-    EncodingError,
-    JointStateReader,
-    JointStateWriter,
-    stamp_of,
-    to_time,
+from redres_ros.nodes.topics import (
+    LATCHED,
+    NEWEST,
+    PUBLISH,
+    QUALITY,
+    REASON,
+    SESSION,
+    STEADY,
+    LatchedWords,
+    Telemetry,
 )
 from redres_ros.parameter import param
 from redres_ros.robots.joint_limits import JointLimits

@@ -1,7 +1,12 @@
-"""Names of topics, the four qualities of service that a topic may have, and the clock of timers."""
+"""Topics: their names, their qualities of service, and publishers for displays."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64, Int32, String
 
 # Publishers in the loop are reliable, so that any subscriber can match them. Our own subscriptions
 # take the newest sample and nothing else, because a reliable one replays stale samples after a gap.
@@ -28,3 +33,70 @@ TASK_BEGUN = 'planner/begun'
 # Telemetry.
 ACTIVE_LIMITS = 'controller/active_limits'
 PROGRESS = 'planner/progress'
+
+# [s] between counts of subscribers; counting in every cycle would cost more than the rest
+LOOK_PERIOD = 0.2
+
+
+class Telemetry:
+    """Publishers for displays: nothing is computed or sent for a topic without subscribers.
+
+    Attributes:
+        subscribed: The last parts of the names of topics that have a subscriber.
+    """
+
+    def __init__(self, node: Node, types: Mapping[str, type]) -> None:
+        """For the types of messages by topic."""
+        self._publishers = {
+            topic.rpartition('/')[2]: node.create_publisher(kind, topic, PUBLISH)
+            for topic, kind in types.items()
+        }
+        self._look()  # a recording listens from the first message on
+        node.create_timer(LOOK_PERIOD, self._look, clock=STEADY)
+
+    def publish(self, name: str, make: Callable[[], Any]) -> None:
+        """Publish the message, number or text that `make` returns, unless it is None; it is called
+        only if the topic whose name ends so has a subscriber.
+        """
+        if name not in self.subscribed:
+            return
+        value = make()
+        if value is not None:
+            self._publishers[name].publish(_to_message(value))
+
+    def _look(self) -> None:
+        self.subscribed = {
+            name
+            for name, publisher in self._publishers.items()
+            if publisher.get_subscription_count()
+        }
+
+
+def _to_message(value: Any) -> Any:
+    kinds = {float: Float64, int: Int32, str: String}
+    return kinds[type(value)](data=value) if type(value) in kinds else value
+
+
+class LatchedWords:
+    """Publishes words on latched topics, each when it changes, in the order of the topics."""
+
+    def __init__(self, node: Node, *topics: str) -> None:
+        self._publishers = {
+            topic: node.create_publisher(String, topic, LATCHED) for topic in topics
+        }
+        self._published: dict[str, str] = {}
+
+    def get(self, topic: str) -> str:
+        """What was published last on a topic; empty before anything was."""
+        return self._published.get(topic, '')
+
+    def publish(self, words: Mapping[str, str]) -> None:
+        """Publish the words that have changed, by their topics."""
+        for topic, publisher in self._publishers.items():
+            if self._published.get(topic) != words[topic]:
+                self._published[topic] = words[topic]
+                publisher.publish(String(data=words[topic]))
+
+    def repeat(self) -> None:
+        """Have all published again: a message may have been lost."""
+        self._published.clear()

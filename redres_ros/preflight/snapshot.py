@@ -16,9 +16,9 @@ from std_msgs.msg import String
 from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
+from redres_ros.nodes.conversions import EncodingError, deserialised, to_nanoseconds
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
-from redres_ros.nodes.wire import EncodingError, deserialised, to_nanoseconds
 
 STATES = 'joint_states'
 TWISTS = 'cartesian_velocity'

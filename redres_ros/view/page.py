@@ -14,8 +14,7 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
 from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
-from redres_ros.nodes.parameters import NONE, declare
-from redres_ros.nodes.policy_parameters import named
+from redres_ros.nodes.parameters import NONE, declare, named
 from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import load_task, task_for

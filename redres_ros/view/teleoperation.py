@@ -15,9 +15,8 @@ from rclpy.publisher import Publisher
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
-from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.conversions import TwistWriter, to_pose
 from redres_ros.nodes.topics import MODE, PUBLISH, REASON
-from redres_ros.nodes.wire import TwistWriter
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Seconds, Twist
 from redres_ros.view.controls import Bindings, notify

@@ -1,15 +1,18 @@
-"""What the controller receives beside states and velocities: wrenches, and what preferences use."""
+"""The controller's interfaces beside states and velocities: what sensors measure, and commands for
+ros2_control.
+"""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -17,17 +20,21 @@ from std_srvs.srv import Trigger
 from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.conversions import JointMapper, deserialised, to_nanoseconds
 from redres_ros.nodes.diagnostics import InputMonitor
-from redres_ros.nodes.parameters import declare
-from redres_ros.nodes.topics import NEWEST
-from redres_ros.nodes.wire import deserialised, to_nanoseconds
+from redres_ros.nodes.parameters import declare, with_changes
+from redres_ros.nodes.topics import NEWEST, PUBLISH, STEADY
 from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import Seconds
+from redres_ros.types import JointPositions, Seconds
 
 _PREFIX = 'admittance.'
 _TORQUES = Compliance.measurement
+
+_FORWARDING = 'forward_position_controller'
+_LOOK = 0.1  # [s] between checks of the subscribers
+_PATIENCE = 2.0  # [s] to wait for the parameters of a subscriber, which may have none
+_ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
 class Sensors:
@@ -66,7 +73,7 @@ class Sensors:
 
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
-        settings = self._changed(changes)
+        settings = with_changes(self.contact.settings, changes, _PREFIX)
         self.contact.check(settings)
         if settings.frame not in (BASE, TIP):
             self._model.position(np.zeros(self._model.n), settings.frame)
@@ -78,7 +85,7 @@ class Sensors:
         """
         if 'switch_time' in changes:
             self.contact.admittance.switch_time = changes['switch_time']
-        settings = self._changed(changes)
+        settings = with_changes(self.contact.settings, changes, _PREFIX)
         if settings != self.contact.settings:
             self.contact.set_settings(settings)
         if settings.enabled:
@@ -148,8 +155,81 @@ class Sensors:
         response.message = 'the measured wrench counts as zero'
         return response
 
-    def _changed(self, changes: dict[str, Any]) -> AdmittanceSettings:
-        settings = self.contact.settings
-        names = {_PREFIX + field.name for field in fields(settings)}
-        given = {name.removeprefix(_PREFIX): changes[name] for name in names & changes.keys()}
-        return replace(settings, **given)
+
+class Forwarding:
+    """Publishes positions, numbers without names, once the order of their joints is confirmed.
+
+    Attributes:
+        error: Why nothing is forwarded; empty if there is no error.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        """For the joints of those names, from base to tip."""
+        self.error = ''
+        self._node = node
+        self._names = list(names)
+        self._publisher = node.create_publisher(
+            Float64MultiArray, f'{_FORWARDING}/commands', PUBLISH
+        )
+        self._client = node.create_client(GetParameters, f'{_FORWARDING}/get_parameters')
+        self._forget()
+        node.create_timer(_LOOK, self._look, clock=STEADY)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is a subscriber whose order of joints is unknown or wrong."""
+        return not self._is_confirmed and self._publisher.get_subscription_count() > 0
+
+    def publish(self, q_ref: JointPositions) -> None:
+        """Forward a reference, if the order of its joints is known to be right."""
+        if self._is_confirmed:
+            self._publisher.publish(Float64MultiArray(data=q_ref.tolist()))
+
+    def _forget(self) -> None:
+        """There is no subscriber: the next one may have another order."""
+        self.error = ''
+        self._is_confirmed = False
+        self._response: Future | None = None
+        self._asked_at = 0.0  # [s]
+        self._waits_since = 0.0  # [s]; 0: no subscriber waits
+
+    def _look(self) -> None:
+        if self._publisher.get_subscription_count() == 0:
+            self._forget()
+            return
+        if self._is_confirmed:
+            return
+        now = time.monotonic()
+        self._waits_since = self._waits_since or now
+        if self._response is not None and self._response.done():
+            self._judge(self._response)
+        elif not self._client.service_is_ready():
+            self._go_without(now)
+        elif now - self._asked_at > _ASK_AGAIN:
+            self._asked_at = now
+            self._response = self._client.call_async(GetParameters.Request(names=['joints']))
+
+    def _judge(self, response: Future) -> None:
+        self._response = None
+        values = response.result().values
+        joints = list(values[0].string_array_value) if values else []
+        self._is_confirmed = joints == self._names
+        self.error = ''
+        if not self._is_confirmed:
+            self.error = (
+                f'{_FORWARDING} has the joints {", ".join(joints)}; expected '
+                f'{", ".join(self._names)}: nothing is forwarded until its parameter joints matches'
+            )
+
+    def _go_without(self, now: float) -> None:
+        """Forward to a subscriber without parameters. Those of ros2_control's own controller may
+        be discovered later than its subscription.
+        """
+        ends = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        is_of_ros2_control = any(end.node_name == _FORWARDING for end in ends)
+        if not is_of_ros2_control and now - self._waits_since > _PATIENCE:
+            self._is_confirmed = True
+            self._node.get_logger().warning(
+                f'the subscriber of {_FORWARDING}/commands has no parameter joints; it must expect '
+                f'them in the order {", ".join(self._names)}'
+            )
