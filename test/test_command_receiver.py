@@ -88,17 +88,6 @@ def test_a_message_that_is_no_command_is_refused_as_what_it_is(names, positions,
     assert connection.robot.session.refusals == {kind: 1}
 
 
-@pytest.mark.parametrize('joint', [0, 6])
-@pytest.mark.parametrize('value', [np.nan, -np.inf])
-def test_a_value_that_is_not_finite_is_refused_by_the_name_of_its_joint(joint, value):
-    connection = make_connection()
-    connection.advance()
-    connection.send(connection.robot.tick - 1, np.where(np.arange(7) == joint, value, Q0))
-    connection.advance()
-    words = f'{NAMES[joint]} commanded {value} rad; expected a finite value'
-    assert str(connection.robot.session.command_error) == words
-
-
 def test_a_refused_command_is_a_miss_and_its_cause_is_kept():
     connection = make_connection()
     connection.advance()

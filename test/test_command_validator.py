@@ -41,9 +41,6 @@ def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
     return positions
 
 
-# --- limits ---------------------------------------------------------------------------------------
-
-
 # --- validator ------------------------------------------------------------------------------------
 
 
@@ -95,34 +92,6 @@ def test_an_excess_is_forgotten_as_it_is_made_up_for():
     for share in (1.08, 0.9) * 100:
         velocity = velocity + share * limit
         assert validator.violation(ZERO, velocity) == ''
-
-
-def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
-    """Positions (N, 7) as encoders with steps of 10 microradians and as much noise give them."""
-    noise = np.random.default_rng(seed).uniform(-5e-6, 5e-6, positions.shape)
-    return 1e-5 * np.round((positions + noise) / 1e-5)
-
-
-def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
-    """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top
-    speed at most.
-    """
-    half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(
-        int
-    )  # (7,) cycles from rest to the top speed
-    signs = np.where((np.arange(cycles)[:, None] // half + 1) // 2 % 2 == 0, 1.0, -1.0)
-    return np.vstack(
-        (ZERO, np.cumsum(np.cumsum(signs[:-1] * acceleration * T, axis=0) * T, axis=0))
-    )
-
-
-@pytest.mark.parametrize(('tolerance', 'stops'), [(0.0, True), (2e-4, False)])
-def test_the_tolerance_lets_noise_at_99_percent_of_the_acceleration_limit_pass(tolerance, stops):
-    profile = replace(LWR_FRI1, acceleration_tolerance=tolerance)
-    stream = to_and_fro(0.99 * LIMITS.acceleration, 5000)
-    assert violation_on_the_way(CommandValidator(LIMITS, T, profile), stream) == ''
-    reason = violation_on_the_way(CommandValidator(LIMITS, T, profile), noisy(stream, 0))
-    assert reason.startswith('protective stop') is stops
 
 
 def test_the_window_is_that_of_the_profile_and_at_least_a_cycle():
@@ -223,18 +192,6 @@ def test_a_lag_is_closed_without_overshoot_and_within_the_acceleration_limits():
     assert lag.min() > -ROUNDING  # ... is never overtaken ...
     assert (references[-1] == stream[-1]).all()  # ... and is caught up with
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * 1.001).all()
-
-
-def test_a_stream_that_begins_elsewhere_is_reached_gently():
-    interpolator = ReferenceInterpolator(LIMITS, T, ZERO)
-    start = 0.01 * np.array([1, -1, 1, -1, 1, -1, 0.001])
-    interpolator.begin(start)
-    references = np.vstack((ZERO, ZERO, follow(interpolator, np.tile(start, (200, 1)))))
-    assert (references[-1] == start).all()
-    assert (np.abs(references) <= np.abs(start)).all()  # no overshoot
-    assert (
-        np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * (1 + 1e-9)
-    ).all()
 
 
 def test_braking_keeps_the_acceleration_limits_and_uses_them():

@@ -7,7 +7,6 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from redres_ros.errors import UnknownNameError
 from redres_ros.fake_robot.profile import PROFILES, Event, Profile
 from redres_ros.fake_robot.session import Session, SessionSettings
 
@@ -64,11 +63,6 @@ def test_every_event_leads_from_every_state_where_the_table_says(profile):
     assert set(table) == {(state, event) for state in profile.transitions for event in Event}
     for (state, event), after in table.items():
         assert profile.after(state, event) == after
-
-
-def test_an_unknown_profile_is_refused_with_those_that_exist():
-    with pytest.raises(UnknownNameError, match='fci, lwr_fri1, sunrise'):
-        SessionSettings(profile='fri3')
 
 
 def lives_through(profile: Profile, latenesses: list[int | None]) -> list[str]:

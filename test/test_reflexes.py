@@ -178,25 +178,6 @@ def test_a_motion_within_all_limits_is_no_reason_to_stop():
     assert (client.session.state, client.session.reason) == ('MOVE', '')
 
 
-def test_nineteen_packets_in_a_row_are_bridged():
-    client = commanding()
-    for _ in range(19):
-        client.advance()
-    client.hold(1)
-    assert (client.session.state, client.session.reason) == ('MOVE', '')
-
-
-@pytest.mark.parametrize(('speed', 'goes_on'), [(0.0016, True), (0.0018, False)])
-def test_a_command_that_comes_too_late_ends_all_but_a_very_slow_motion(speed, goes_on):
-    client = commanding()
-    for velocity in np.linspace(0.0, speed, 20):
-        client.command(client.q + velocity * T * FIRST)
-    client.command(client.q)  # the driver repeats its position, and two steps follow
-    client.command(client.q + 2.0 * speed * T * FIRST)
-    client.command(client.q + speed * T * FIRST)
-    assert (client.session.state == 'MOVE') == goes_on
-
-
 def test_lost_packets_are_bridged_at_the_last_acceleration():
     client = commanding()
     client.accelerate(2.0, 100)

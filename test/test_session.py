@@ -1,13 +1,11 @@
 """Session and timing: what ends command mode and what does not, and the figures behind it."""
 
-import math
 import statistics
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from redres_ros.errors import RangeError
 from redres_ros.fake_robot.profile import PROFILES
 from redres_ros.fake_robot.session import CommandError, Refusal, Session, SessionSettings
 from redres_ros.fake_robot.timing import WINDOW, Statistics, TimingMonitor
@@ -31,12 +29,6 @@ def commanding(**settings: float | str) -> Session:
     while not session.commanding:  # some profiles have states in between
         responding(session).offer(0.0)
     return session
-
-
-def test_session_begins_in_monitor_mode_with_nothing_known():
-    session = Session(T, SessionSettings())
-    assert (session.state, session.reason, session.quality) == ('MON', '', 'UNACCEPTABLE')
-    assert session.timing.at_fault == 'response_rate'
 
 
 @pytest.mark.parametrize('monitor_time', [0.5, 0.1, 0.002])
@@ -145,16 +137,6 @@ def test_the_reason_has_the_last_refusal_unless_a_valid_command_came_since(since
     words = 'timing: the newest command is 6 cycles late, 5 are bridged'
     refused = '; last refused: lwr_a1_joint commanded nan rad'
     assert session.reason == (words if since else words + refused)
-
-
-def test_refusals_are_counted_by_kind():
-    session = make_session()
-    for times, kind in enumerate(Refusal):
-        for _ in range(times):
-            session.refuse(CommandError(kind, 'whatever'))
-    assert session.refusals == {kind: times for times, kind in enumerate(Refusal) if times}
-    assert session.timing.counts.refused == sum(range(len(Refusal)))
-    assert session.timing.counts.cycles == 0  # a refusal is no cycle
 
 
 @pytest.mark.parametrize('profile', PROFILES)
@@ -277,9 +259,3 @@ def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
     for packet in range(WINDOW):
         timing.record(0, T * cycles * sign**packet)
     assert timing.quality == quality
-
-
-@pytest.mark.parametrize('settings', [{'monitor_time': -1.0}, {'monitor_time': math.nan}])
-def test_settings_out_of_range_are_refused(settings):
-    with pytest.raises(RangeError, match='monitor_time'):
-        SessionSettings(**settings)
