@@ -22,7 +22,7 @@ from study import read_results
 
 from redres_ros import LAWS, Result, RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.summary import RATIOS
+from redres_ros.simulation.report import RATIOS
 
 FOLDER = Path(__file__).parent
 PAGE = FOLDER / 'choosing_a_law.md'

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
 from redres_ros.paper.sketches import figure_1
+from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below, time_panels
-from redres_ros.simulation.effort import acceleration_usage
-from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.plots import legend_below, time_panels
+from redres_ros.simulation.recording import limit_usage
 from redres_ros.simulation.report import progress_bar
 
 ROOT = Path(__file__).parents[1]
@@ -129,7 +129,7 @@ def headline(results: Results) -> str:
     usage = {}
     for law in ('minimum_velocity', 'minimum_acceleration'):
         model = RobotModel.named(load_task('rectangle').robot)
-        fractions = acceleration_usage(results[Case(law)].recording, model)
+        _, fractions = limit_usage(results[Case(law)].recording, model)
         usage[law] = float(fractions.max())
     bounded = results[Case('minimum_velocity', limits=LIMITS)].recording
     velocity = usage['minimum_velocity']
@@ -145,7 +145,7 @@ def limits_text(results: Results) -> str:
     """What docs/limits.md says of the rectangle within limits."""
     model = RobotModel.named(load_task('rectangle').robot)
     velocity = Case('minimum_velocity')
-    fraction = acceleration_usage(results[velocity].recording, model).max()
+    fraction = limit_usage(results[velocity].recording, model)[1].max()
     without, within, velocity_half, acceleration_half = (
         results[case].recording
         for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
@@ -211,7 +211,7 @@ def draw_laws(results: Results) -> Figure:
         recording = results[case].recording
         t = recording['t']
         style = {'color': law_colour(case.law), 'ls': '--' if case.limits else '-'}
-        accelerations.plot(t, acceleration_usage(recording, model), label=label, **style)
+        accelerations.plot(t, limit_usage(recording, model)[1], label=label, **style)
         speeds.plot(t, recording['joint_velocity_norm'], **style)
         if case.limits:
             scaling.plot(t, recording['task_scaling'], **style)
@@ -228,7 +228,7 @@ def draw_laws(results: Results) -> Figure:
 
 def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
     """How many times the limit the highest acceleration is, beside the peak."""
-    fractions = acceleration_usage(recording, model)
+    _, fractions = limit_usage(recording, model)
     tick = int(fractions.argmax())
     at = (recording['t'][tick], fractions[tick])
     style = {'textcoords': 'offset points', 'va': 'center', 'ha': 'right', 'fontsize': 'x-large'}

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from redres_ros.simulation.batch import Case, Result, batch
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Comparison, compare, plot
-    from redres_ros.simulation.effort import Effort
-    from redres_ros.simulation.recording import Recording
+    from redres_ros.simulation.recording import Effort, Recording
     from redres_ros.tasks import TASKS, Task, make_task
 
 # Public names by the module that they live in, which is imported when one is first asked for:
@@ -54,8 +53,7 @@ _PUBLIC = {
     'planning.waypoints': 'WaypointTask load_task',
     'simulation.batch': 'Case Result batch',
     'simulation.closed_loop': 'run',
-    'simulation.effort': 'Effort',
-    'simulation.recording': 'Recording',
+    'simulation.recording': 'Effort Recording',
     'simulation.comparison': 'Comparison compare plot',
 }
 _HOMES = {name: home for home, names in _PUBLIC.items() for name in names.split()}

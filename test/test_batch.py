@@ -84,11 +84,15 @@ def test_a_worker_that_dies_takes_no_other_case_along(deaths, monkeypatch, tmp_p
 
 _PARENT = """
 import os, signal
-from redres_ros.simulation.parallel import processes
+from redres_ros.simulation.batch import in_parallel
 
-with processes(1) as pool:
-    print(pool.submit(os.getpid).result(), flush=True)
-    os.kill(os.getpid(), signal.SIGKILL)
+parent = os.getpid()
+
+def work(_):
+    print(os.getpid(), flush=True)
+    os.kill(parent, signal.SIGKILL)
+
+in_parallel(work, [0], print)
 """
 
 

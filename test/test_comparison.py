@@ -19,12 +19,10 @@ from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.comparison import conclusion, tables
-from redres_ros.simulation.effort import Effort, first_violation
-from redres_ros.simulation.parallel import in_parallel
-from redres_ros.simulation.recording import Recording, columns
-from redres_ros.simulation.report import print_tables
+from redres_ros.simulation.recording import Effort, Recording, columns
+from redres_ros.simulation.report import comparison_tables, print_tables
 
 TASK = replace(load_task('rectangle'), waypoints=load_task('rectangle').waypoints[:2])
 
@@ -70,7 +68,7 @@ def test_the_elbow_of_a_standing_arm_has_no_path() -> None:
 def test_the_table_marks_the_least_of_each_column(capsys) -> None:
     low = Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, '', True, 'end')
     high = Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, '', True, 'end')
-    print_tables(*tables({'low': low, 'high': high}, 'title'))
+    print_tables(*comparison_tables({'low': low, 'high': high}, 'title'))
     rows = capsys.readouterr().out.splitlines()
     marks = {
         law: sum(row.count('*') for row in rows if row.split()[:1] == [law])
@@ -80,17 +78,22 @@ def test_the_table_marks_the_least_of_each_column(capsys) -> None:
 
 
 @pytest.mark.parametrize(
-    ('peak', 'said'),
+    ('peak', 'finished', 'said'),
     [
-        (1.04, 'the law does not matter'),
-        (2.7, 'acceleration with b is 2.7 times that with a'),
+        (1.04, True, 'the law does not matter'),
+        (2.7, True, 'acceleration with b is 2.7 times that with a'),
+        (2.7, False, 'b: diverged'),
     ],
 )
-def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak: float, said: str) -> None:
-    a = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'end')
-    b = replace(a, acceleration=peak)
-    assert said in conclusion({'a': a, 'b': b})
-    assert conclusion({'a': a, 'b': replace(b, finished=False)}) == ''
+def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said, capsys) -> None:
+    a = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 'a2 position, 1.00 s', True, 'reached')
+    b = replace(a, acceleration=peak, finished=finished, ending='diverged', violation='')
+    print_tables(*comparison_tables({'a': a, 'b': b}, 'title'))
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert said in shown
+    assert 'no: a2 position, 1.00 s' in shown
+    assert 'a: reached' not in shown
+    assert ('times' in shown) == (peak > 2.0 and finished)
 
 
 @pytest.mark.parametrize('width', [136, 60, 40])
@@ -100,25 +103,15 @@ def test_a_narrow_terminal_shows_every_figure_too(width, capsys, monkeypatch) ->
         law: Effort(1.125, 2.0625, 3.25, 4.5, 10670.0, 6.375, 7.875, '', True, 'end'),
         'other': Effort(1.5, 2.5, 3.5, 4.75, 5.5, 6.5, 7.75, 'a1, 7.73 s', True, 'end'),
     }
-    print_tables(*tables(efforts, 'title'))
+    print_tables(*comparison_tables(efforts, 'title'))
     words = set(capsys.readouterr().out.split())
     monkeypatch.setenv('COLUMNS', str(width))
     monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
-    print_tables(*tables(efforts, 'title'))
+    print_tables(*comparison_tables(efforts, 'title'))
     shown = re.sub(r'\x1b\[\d*m', '', capsys.readouterr().out)  # without bold
     assert max(map(len, shown.splitlines())) <= width
     figures = {word for word in words if word[0].isdigit() or word in ('other', 'title')}
     assert figures <= set(shown.split())
-
-
-def test_the_table_says_who_stayed_within_the_limits_and_who_did_not_arrive(capsys) -> None:
-    good = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'reached')
-    bad = replace(good, violation='a2 position, 1.00 s', finished=False, ending='diverged')
-    print_tables(*tables({'good': good, 'bad': bad}, 'title'))
-    shown = capsys.readouterr().out
-    assert 'no: a2 position, 1.00 s' in shown
-    assert 'bad: diverged' in shown
-    assert 'good: reached' not in shown
 
 
 def still(ticks: int, T: float = 0.01) -> np.ndarray:
@@ -128,11 +121,12 @@ def still(ticks: int, T: float = 0.01) -> np.ndarray:
     return rows
 
 
-LIMITS = JointLimits.of(find_arm('lwr4'))
+LWR = RobotModel.named('lwr4')
+LIMITS = JointLimits.of(LWR.arm)
 
 
 def violation(rows: np.ndarray) -> str:
-    return first_violation(Recording(rows, 7, 0.01, True, ''), LIMITS)
+    return Effort.of(Recording(rows, 7, 0.01, True, ''), LWR).violation
 
 
 @pytest.mark.parametrize('joint', [1, 7])
@@ -146,9 +140,9 @@ def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int) -> Non
 
 
 def test_a_joint_that_is_too_fast_is_named_with_the_time() -> None:
-    rows = still(10_000)
+    rows = still(1000)
     column = columns(7).index('dq3')
-    rows[:, column] = -np.linspace(0.0, 1.001 * LIMITS.velocity[2], len(rows))  # [rad/s], in 100 s
+    rows[:, column] = -np.linspace(0.0, 1.001 * LIMITS.velocity[2], len(rows))  # [rad/s], in 10 s
     at = rows[np.argmax(-rows[:, column] > LIMITS.velocity[2] * (1.0 + 1e-9)), 0]
     assert violation(rows) == f'{LIMITS.joint_names[2]} velocity, {at:.2f} s'
 

@@ -10,9 +10,15 @@ from redres_ros import RobotModel, WaypointTask
 from redres_ros.laws import LAWS
 from redres_ros.simulation import plots
 from redres_ros.simulation.colours import law_colour, line_styles
-from redres_ros.simulation.drawing import COLUMN, legend_below, save
-from redres_ros.simulation.plots import Remarks, draw_motion
-from redres_ros.simulation.recording import Recording, columns
+from redres_ros.simulation.plots import (
+    COLUMN,
+    Remarks,
+    draw_limit_usage,
+    draw_motion,
+    legend_below,
+    save,
+)
+from redres_ros.simulation.recording import Recording, columns, limit_usage
 
 T = 0.01  # [s]
 
@@ -131,3 +137,31 @@ def test_a_drawing_for_a_publication_has_the_width_of_a_column(suffix: str, tmp_
     points = 72.0 * COLUMN
     assert f'{points:g}'.encode() in content  # the width of the page
     assert ax.xaxis.label.get_fontsize() == 7.0
+
+
+def speeding_up(model: RobotModel) -> Recording:
+    """Joint 2 gains a fifth of its velocity limit in every one of ten ticks."""
+    names = columns(model.n)
+    data = np.zeros((10, len(names)))
+    data[:, names.index('t')] = T * np.arange(10)
+    data[:, names.index('dq2')] = -0.2 * model.dq_max[1] * np.arange(1, 11)
+    data[:, names.index('task_scaling')] = 1.0
+    return Recording(data, model.n, T, finished=True, ending='')
+
+
+def test_limit_usage_is_that_of_the_joint_nearest_to_its_limit(model: RobotModel) -> None:
+    velocity, acceleration = limit_usage(speeding_up(model), model)
+    assert velocity == pytest.approx(0.2 * np.arange(1, 11))
+    gained = 0.2 * model.dq_max[1] / T
+    assert acceleration == pytest.approx(np.full(10, gained / model.arm.acceleration_limit[1]))
+
+
+def test_the_picture_reports_what_is_allowed_and_what_goes_beyond_it(model: RobotModel) -> None:
+    recording = speeding_up(model)
+    recording.data[-1, recording.columns.index('dq2')] *= 10.0
+    figure = draw_limit_usage({'a law': recording}, model, 0.5, 'title')
+    velocity, acceleration, scaling = figure.axes
+    assert velocity.get_lines()[-1].get_ydata()[0] == 0.5
+    assert '(up to 20)' in velocity.get_ylabel()
+    assert '(up to' in acceleration.get_ylabel()
+    assert scaling.get_lines()[0].get_ydata() == pytest.approx(np.ones(10))

@@ -7,19 +7,16 @@ import atexit
 import gc
 import os
 import sys
-from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
-    from redres_ros.cli.parser import Parser
+    from redres_ros.cli.options import Parser
 
 # Threads do not speed up matrices of seven joints, and a process that forks
 # should have one thread only. Read when numpy is loaded.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-# Modules of this package, in the order of `redres --help`.
-_COMMANDS = 'demo simulate compare reproduce laws view watch check'
 _GONE = {  # commands and options of earlier versions, and what to write instead
     'batch': '`for result in batch(cases)` in Python',
     'dampings': 'redres compare --law minimum_acceleration@2,minimum_acceleration@5 --tasks 20',
@@ -93,6 +90,7 @@ def _run_command(given: list[str]) -> int:
     _load_plugins(given)
     parser = make_parser()
     options, others = parser.parse_known_args(given)
+    others += [word for word in given if not word or word.endswith('=')]  # without a value
     if others:
         parser.prog = f'redres {options.command}'
         parser.error(_refusal(others))
@@ -103,11 +101,13 @@ def _run_command(given: list[str]) -> int:
 def _refusal(words: list[str]) -> str:
     """Why words of a command line are refused."""
     for word in words:
-        name = word.partition('=')[0]
+        name, equals, value = word.partition('=')
         if name in _GONE:
             return f'{name} is gone; instead: {_GONE[name]}'
         if name.startswith('--') and '.' in name:
             return f'{name} is gone; instead: --set {name[2:]}=VALUE'
+        if not name or (equals and not value):
+            return f'got nothing for {name or "a value"}; expected a value'
     return f'unknown: {" ".join(" ".join(words).split())}'
 
 
@@ -161,7 +161,8 @@ def _let_go_of(stream: TextIO) -> None:
 
 def make_parser() -> 'Parser':
     """The parser of `redres` with all its subcommands."""
-    from redres_ros.cli.parser import Parser
+    from redres_ros.cli import commands, demo, simulate
+    from redres_ros.cli.options import Parser
     from redres_ros.files.installation import share_path
 
     package = share_path('package.xml').read_text(encoding='utf-8')
@@ -174,13 +175,12 @@ def make_parser() -> 'Parser':
         version=f'redres_ros {version}',
         help='print the version, and exit',
     )
-    commands = parser.add_subparsers(
+    subparsers = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'
     )
-    commands.type = str  # all further words, even an empty one, are left to the subcommand
-    for name in _COMMANDS.split():
-        import_module(f'redres_ros.cli.{name}').add(commands)
-    for subparser in commands.choices.values():
+    for module in (demo, simulate, commands):
+        module.add(subparsers)
+    for subparser in subparsers.choices.values():
         subparser.add_argument(
             _PLUGIN,
             action='append',

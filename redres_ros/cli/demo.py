@@ -9,9 +9,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from redres_ros.cli.files import check_writable, made
-from redres_ros.cli.options import DEMO_LIMITS, DURATIONS, add_motion, add_out
-from redres_ros.cli.parser import OptionError, add_command, option
+from redres_ros.cli.options import (
+    DEMO_LIMITS,
+    DURATIONS,
+    OptionError,
+    add_command,
+    add_motion,
+    check_writable,
+    made,
+    option,
+)
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -28,7 +35,7 @@ def add(commands: Any) -> None:
     """Declare the subcommand."""
     demo = add_command(
         commands,
-        'demo',
+        _demo,
         'planner, controller and fake arm as ROS 2 nodes, in real time',
         '--law minimum_velocity --limits none  # the robot stops it',
         '--switch minimum_weighted_torque@6.5  # another law during the motion',
@@ -55,10 +62,9 @@ def add(commands: Any) -> None:
     results = demo.add_argument_group('display and files')
     view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
     results.add_argument('--view', action='store_true', help=view)
-    add_out(results, 'redres_demo', 'plot, data and logs')
+    option(results, '--out', 'DIR', 'directory for plot, data and logs', Path('redres_demo'))
     save = 'a page that replays the motion in any browser'
     option(results, '--save', 'FILE.html', save, type=Path)
-    demo.set_defaults(run=_demo)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -94,21 +100,28 @@ def _demo(options: argparse.Namespace) -> int:
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
-    from redres_ros.demo.demo import Demo, DemoOptions
+    from redres_ros.demo.demo import START_PATIENCE, Demo, DemoOptions
+    from redres_ros.loop.cycle_counter import RATES
 
+    slowest, fastest = RATES
+    if not 1.0 / fastest <= options.period <= 1.0 / slowest:
+        raise RangeError('--period', options.period, 1.0 / fastest, 1.0 / slowest, 's')
     default = 'side_to_side' if options.duration else 'rectangle'
     switches = tuple(map(_switch, options.switch or ()))
     motion = find_motion(options, [options.law, *(law for law, _ in switches)], default)
+    page: dict[str, Any] = {'patience': START_PATIENCE}  # parameters of the node that serves it
+    if options.plugin:
+        page['plugins'] = tuple(map(os.path.abspath, options.plugin))
     demo_options = DemoOptions(
         motion.name,
         options.law,
-        _rate(options.period),
+        1.0 / options.period,
         options.dynamics,
         switches,
         options.lockstep,
         options.composed,
         options.duration,
-        _page_parameters(options) if options.view else None,
+        page if options.view else None,
         {'plant': options.plant, **node_parameters(motion)},
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
@@ -121,26 +134,6 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     )
     motion.controller()
     return demo
-
-
-def _rate(period: float) -> float:
-    """Cycles a second [Hz] of a sampling time [s]. Raises RangeError for one that no node takes."""
-    from redres_ros.loop.cycle_counter import RATES
-
-    slowest, fastest = RATES
-    if not 1.0 / fastest <= period <= 1.0 / slowest:
-        raise RangeError('--period', period, 1.0 / fastest, 1.0 / slowest, 's')
-    return 1.0 / period
-
-
-def _page_parameters(options: argparse.Namespace) -> dict[str, Any]:
-    """Parameters of the node that serves the page."""
-    from redres_ros.demo.demo import START_PATIENCE
-
-    parameters: dict[str, Any] = {'patience': START_PATIENCE}
-    if options.plugin:
-        parameters['plugins'] = tuple(map(os.path.abspath, options.plugin))
-    return parameters
 
 
 def _switch(text: str) -> tuple[str, float]:
@@ -273,19 +266,17 @@ def _draw(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:
     """
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.drawing import in_symbols
     from redres_ros.simulation.plots import Remarks, draw_contact, draw_motion
 
     recording = outcome.recording
-    title = in_symbols(demo.title)
     beside = {}
     if not outcome.endurance:
         laws = ['minimum_velocity', 'minimum_acceleration']
         other = next(law for law in laws if law != demo.options.law)
         beside[other] = run(Controller(demo.model, demo.law(other), recording.T), demo.task)
     remarks = Remarks(beside, outcome.stop_reason, outcome.switches, demo.options.law)
-    draw_motion(recording, demo.model, demo.task, title, out / 'motion.png', remarks)
+    draw_motion(recording, demo.model, demo.task, demo.title, out / 'motion.png', remarks)
     print(f'plot {out}/motion.png')
     if outcome.forces[:, 1:].any():  # after the column of times
-        draw_contact(outcome.forces, recording, demo.model, title, out / 'contact.png')
+        draw_contact(outcome.forces, recording, demo.model, demo.title, out / 'contact.png')
         print(f'forces {out}/contact.png')

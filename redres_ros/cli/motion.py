@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.cli.options import read_settings
-from redres_ros.cli.parser import NONE, OptionError
+from redres_ros.cli.options import NONE, OptionError, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
@@ -18,37 +17,27 @@ from redres_ros.parameter import Gain, Table, check_once
 from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import ARMS, Arm, choose_arm
+from redres_ros.robots import ARMS, choose_arm
 from redres_ros.simulation.batch import Case, make_controller
 from redres_ros.simulation.random_tasks import contrasting_task
 from redres_ros.tasks import TASKS
 
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
-_SEARCHED = 'a triangle searched for'
 
 
 class NamedMotion(NamedTuple):
-    """A task with its arm, and a case.
+    """A task with its arm, and a case: all that the controller takes, by names and gains."""
 
-    Attributes:
-        name: The task as the command line or the table of arms names it; empty: a square.
-        case: All that the controller takes, by names and gains.
-    """
-
-    name: str
+    name: str  # of the task, as the command line or the table of arms has it; empty: a square
     task: WaypointTask
     model: RobotModel
     case: Case
+    is_searched: bool = False  # whether the task was searched for, as one on which laws differ
 
     @property
     def is_pose(self) -> bool:
         """Whether the points have orientations."""
         return self.task.orientations is not None
-
-    @property
-    def is_searched(self) -> bool:
-        """Whether it is a path that was searched for, as one on which laws differ."""
-        return self.name == _SEARCHED
 
     @property
     def law(self) -> Law:
@@ -59,11 +48,11 @@ class NamedMotion(NamedTuple):
     def title(self) -> str:
         """Task and arm in words."""
         arm = self.model.arm
-        task = self.name or 'a square before the tip'
+        task = 'a triangle searched for' if self.is_searched else self.name
         dynamics = f'{arm.dynamics} dynamics'
         if self.task.robot not in ARMS and arm.dynamics == 'identified':
             dynamics = 'dynamics of the URDF'
-        return f'{task}, {self.task.robot}, {dynamics}'
+        return f'{task or "a square before the tip"}, {self.task.robot}, {dynamics}'
 
     def controller(self, switch_time: float = 0.0) -> Controller:
         """The controller of the case. Raises RedresError for a value that is not allowed."""
@@ -84,20 +73,15 @@ def find_motion(
         RedresError: A name that is in no table, a file that cannot be used, a task and a robot that
             do not go together, a gain of what is not in use.
     """
-    if options.robot and not options.task:
-        arm = _find_arm(options, options.robot)
-        name = arm.task
-        task = task_for(arm, options.robot)
-    else:
-        name = options.task or default
-        task = load_task(name)
-        arm = _find_arm(options, options.robot or task.robot)
+    name = options.task or ('' if options.robot else default)
+    given = load_task(name) if name else None
+    robot = options.robot or (given.robot if given else '')
+    arm = replace(choose_arm(robot, options.tip, options.elbow), dynamics=options.dynamics)
     model = RobotModel(arm)
-    if options.robot:
-        task = replace(task, robot=options.robot)
+    task = replace(given or task_for(arm, robot), robot=robot)
     if options.robot or options.tip:
         _check_start(task, model)
-    return NamedMotion(name, task, model, find_case(options, laws))
+    return NamedMotion(name or arm.task, task, model, find_case(options, laws))
 
 
 def find_contrast(options: argparse.Namespace, laws: Iterable[str]) -> NamedMotion:
@@ -110,19 +94,19 @@ def find_contrast(options: argparse.Namespace, laws: Iterable[str]) -> NamedMoti
         return motion
     print('searching for a path on which laws differ', file=sys.stderr)
     task = contrasting_task(motion.model, motion.task.robot)
-    return motion if task is None else motion._replace(name=_SEARCHED, task=task)
+    return motion if task is None else motion._replace(is_searched=True, task=task)
 
 
 def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
     """The case under the first of some laws; errors as of find_motion()."""
-    law, *others = laws
+    laws = list(laws)
     limits: tuple[str, ...] = ()
     if options.limits != NONE:
         limits = tuple(name.strip() for name in options.limits.split(','))
     preferences = [text.partition('=') for text in options.prefer or ()]
     case = Case(
         options.robot or 'lwr4_paper',
-        law,
+        laws[0],
         options.period,
         limits=limits,
         limit_scale=options.limit_scale,
@@ -131,16 +115,21 @@ def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
         preferences=tuple(name for name, _, _ in preferences),
         secondary_tasks=tuple(options.secondary or ()),
         gains=read_settings(options.set or ()),
-        tip_frame=options.tip or '',
-        elbow_frame=options.elbow or '',
+        tip_frame=options.tip,
+        elbow_frame=options.elbow,
         dynamics=options.dynamics,
         plugins=tuple(options.plugin or ()),
     )
     _check_scales(case)
-    gains = _checked_gains(case, (law, *others))
+    gains = _checked_gains(case, laws)
     for name, equals, text in preferences:
         if equals:
-            gains[f'{name.partition("@")[0]}.gain'] = _read_gain(name, text)
+            try:
+                gains[f'{name.partition("@")[0]}.gain'] = float(text)
+            except ValueError:
+                raise OptionError(
+                    f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
+                ) from None
     if options.damping is not None:
         gains['damping'] = options.damping
     return replace(case, gains=gains)
@@ -177,23 +166,20 @@ def node_parameters(motion: NamedMotion) -> dict[str, Any]:
 
 def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
     """The gains of a case as their owners take them; one without an owner is refused."""
-    in_use: dict[Any, Iterable[str]] = {
+    in_use: dict[str, Iterable[str]] = {
         'law': laws,
         'preference': case.preferences,
         'task': case.secondary_tasks,
         'limit': case.limits,
     }
-    used = {(kind, name.partition('@')[0]) for kind, names in in_use.items() for name in names}
+    used = {f'{kind} {name.partition("@")[0]}' for kind, names in in_use.items() for name in names}
     gains = {}
     for key, value in case.gains.items():
         owners = _owners(key)
-        if not any((gain.kind, gain.owner) in used for gain in owners):
-            names = ', '.join(sorted(' '.join(each) for each in used))
-            owner = owners[0]
-            raise OptionError(
-                f'--set {key} acts on the {owner.kind} {owner.owner}; in use: {names}'
-            )
-        gains[key] = _converted(key, value, owners[0].default)
+        if used.isdisjoint(f'{gain.kind} {gain.owner}' for gain in owners):
+            owner = f'{owners[0].kind} {owners[0].owner}'
+            raise OptionError(f'--set {key} acts on the {owner}; in use: {", ".join(sorted(used))}')
+        gains[key] = _converted(value, owners[0].default)
     return gains
 
 
@@ -201,32 +187,22 @@ def _owners(key: str) -> list[Gain]:
     """The gains of that name. Raises UnknownNameError."""
     tables: list[Table[Any]] = [LAWS, PREFERENCES, TASKS]
     found = [gain for table in tables for gain in table.gains() if gain.key == key]
-    if found:
-        return found
-    from redres_ros.limits import LIMITS  # compiled: loaded only if in use
-
-    found = [gain for gain in LIMITS.gains() if gain.key == key]
     if not found:
-        keys = {name for table in (*tables, LIMITS) for name in table.gain_keys}
-        raise UnknownNameError('gain', key, keys)
+        from redres_ros.limits import LIMITS  # compiled: loaded only if in use
+
+        found = [gain for gain in LIMITS.gains() if gain.key == key]
+        if not found:
+            keys = {name for table in (*tables, LIMITS) for name in table.gain_keys}
+            raise UnknownNameError('gain', key, keys)
     return found
 
 
-def _converted(key: str, value: Any, default: Any) -> Any:
+def _converted(value: Any, default: Any) -> Any:
     """A value in the type of a gain's default; what is of another type is left to its check."""
     if isinstance(default, tuple) and isinstance(value, list):
-        return tuple(_converted(key, member, 0.0) for member in value)
+        return tuple(_converted(member, 0.0) for member in value)
     is_whole = isinstance(value, int) and not isinstance(value, bool)
     return float(value) if is_whole and isinstance(default, float) else value
-
-
-def _read_gain(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise OptionError(
-            f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
-        ) from None
 
 
 def _check_scales(case: Case) -> None:
@@ -250,24 +226,18 @@ def _check_scales(case: Case) -> None:
         raise OptionError(f'--scaling components acts on limits; in use: {NONE}')
 
 
-def _find_arm(options: argparse.Namespace, robot: str) -> Arm:
-    """An arm with the tip, the elbow and the dynamics of the options. Raises RedresError."""
-    arm = choose_arm(robot, options.tip or '', options.elbow or '')
-    return replace(arm, dynamics=options.dynamics)
-
-
 def _check_start(task: WaypointTask, model: RobotModel) -> None:
     """Refuse a task that was written for another arm, tip or base."""
+    advice = 'name a task of that robot with --task'
     if len(task.start) != model.n:
         raise OptionError(
             f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
-            'name a task of that robot with --task'
+            f'{advice}'
         )
     x, _ = model.tip(task.start)
     away = float(np.linalg.norm(x - task.waypoints[0]))
     if not away < _NEAR:
         raise OptionError(
             f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
-            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; '
-            'name a task of that robot with --task'
+            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; {advice}'
         )

@@ -1,20 +1,110 @@
-"""Options that several subcommands share; motion.py uses most of them."""
+"""The parser, the options that several subcommands share, and the files that they name."""
 
 import argparse
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from redres_ros.cli.parser import NONE, OptionError, Parser, option
-from redres_ros.errors import quoted
+from redres_ros.errors import FileError, RangeError, RedresError, quoted
 
+NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
-
 DURATIONS = (0.0, 1e6, 's')  # of a run
+
 _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
 _LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
+
+
+class OptionError(RedresError):
+    """An option that cannot be parsed, or conflicts with others."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser without abbreviations, and with errors in one line."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        raw = argparse.RawDescriptionHelpFormatter  # one example a line
+        super().__init__(**{'formatter_class': raw, 'allow_abbrev': False, **kwargs})
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line in one line; the base class prints twenty."""
+        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """As of the base class, which passes over output that cannot be written."""
+        if message and file is not None:
+            file.write(message)
+
+
+def add_command(
+    commands: Any, run: Callable[[argparse.Namespace], int], says: str, *examples: str
+) -> Parser:
+    """Declare a subcommand by the function that runs it, which has its name.
+
+    Args:
+        commands: What argparse's add_subparsers gave.
+        run: Runs the subcommand; its exit status.
+        says: What it does, as the list of all commands says it.
+        examples: Command lines without `redres NAME`; after # a remark, if one is needed.
+    """
+    name = run.__name__.strip('_')
+    lines = [example.partition('#') for example in examples]
+    width = max(len(words.strip()) for words, *_ in lines)
+    shown = [f'  redres {name} {words.strip():<{width}}  {"".join(why)}' for words, *why in lines]
+    command: Parser = commands.add_parser(
+        name,
+        help=says,
+        description=f'{says[0].upper()}{says[1:]}.',
+        epilog='examples:\n' + '\n'.join(map(str.rstrip, shown)),
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def option(
+    group: Any,
+    name: str,
+    metavar: str | None,
+    says: str,
+    default: Any = None,
+    *,
+    within: tuple[float, float, str] | None = None,
+    **others: Any,
+) -> None:
+    """Declare an option with a value, of the type of its default.
+
+    Args:
+        group: A parser, or a group of its options.
+        name: Such as '--period'.
+        metavar: Stands for the value in the help; None for the name's, or for choices.
+        says: What it means.
+        default: Its value when it is not given, which the help shows if it says something.
+        within: The least and the largest number that are allowed, and their unit; None: any.
+        **others: As add_argument takes them, such as the type if there is no default.
+    """
+    kind: Any = others.pop('type', str if default is None else type(default))
+    read = _within(name, kind, *within) if within else kind
+    if default not in (None, ''):
+        says += f'; default: {default:g}' if isinstance(default, float) else f'; default: {default}'
+    group.add_argument(name, type=read, metavar=metavar, default=default, help=says, **others)
+
+
+def _within(
+    name: str, kind: Callable[[str], float], lower: float, upper: float, unit: str
+) -> Callable[[str], float]:
+    """Reads a number in its range."""
+
+    def read(text: str) -> float:
+        value = kind(text)
+        if not lower <= value <= upper:
+            raise RangeError(name.lstrip('-'), value, lower, upper, unit)
+        return value
+
+    read.__name__ = kind.__name__  # for argparse, which says: invalid int value
+    return read
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
@@ -32,37 +122,33 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
     option(arm, '--task', 'NAME|FILE.yaml', points)
     option(arm, '--robot', 'NAME|FILE.urdf', 'a name from `redres laws`, or any serial arm')
-    option(arm, '--tip', 'FRAME', tip)
-    option(arm, '--elbow', 'FRAME', elbow)
+    option(arm, '--tip', 'FRAME', tip, '')
+    option(arm, '--elbow', 'FRAME', elbow, '')
     option(arm, '--dynamics', 'NAME', dynamics, 'identified')
 
     law = parser.add_argument_group('law')
+    name = 'a name from `redres laws`'
+    names = 'names from `redres laws`, each with its own damping if wanted, such as '
+    names += 'minimum_acceleration@5'
     damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
     prefer = 'preferences in the null space, such as joint_centering=4'
     secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
-    gains = (
-        'gains of laws, preferences, tasks and limits, as in a parameter file, such as '
-        'posture.gain=4; `redres laws` lists them'
-    )
+    gains = 'gains as in a parameter file, such as posture.gain=4; `redres laws` lists them'
     if several_laws:
-        each = 'each with its own damping if wanted, such as minimum_acceleration@5'
-        says = f'names from `redres laws`, {each}'
-        option(law, '--law', 'A,B,...', says, several_laws, dest='laws')
+        option(law, '--law', 'A,B,...', names, several_laws, dest='laws')
     else:
-        option(law, '--law', 'NAME', 'a name from `redres laws`', 'minimum_acceleration')
+        option(law, '--law', 'NAME', name, 'minimum_acceleration')
     option(law, '--damping', 'K_D', damping, type=float)
-    option(law, '--prefer', 'NAME[=GAIN]', prefer, nargs='+', action='extend')
-    option(law, '--secondary', 'NAME', secondary, nargs='+', action='extend')
-    option(law, '--set', 'NAME=VALUE', gains, nargs='+', action='extend')
+    several: dict[str, Any] = {'nargs': '+', 'action': 'extend'}
+    option(law, '--prefer', 'NAME[=GAIN]', prefer, **several)
+    option(law, '--secondary', 'NAME', secondary, **several)
+    option(law, '--set', 'NAME=VALUE', gains, **several)
 
     kept = parser.add_argument_group('limits')
-    names = f'limits to keep, such as {DEMO_LIMITS}; {NONE}: the law alone'
+    keep = f'limits to keep, such as {DEMO_LIMITS}; {NONE}: the law alone'
     scale = 'fraction of the velocity and acceleration limits to use'
-    scaling = (
-        'what limits scale: the task velocity as a whole, or translation and rotation separately, '
-        'as an operator prefers'
-    )
-    option(kept, '--limits', 'A,B,...', names, limits)
+    scaling = 'what limits scale: the task velocity as a whole, or translation and rotation each'
+    option(kept, '--limits', 'A,B,...', keep, limits)
     option(kept, '--limit-scale', 'X', scale, 1.0)
     option(kept, '--torque-scale', 'X', 'fraction of the torque limits to use', 1.0)
     option(kept, '--scaling', None, scaling, 'task', choices=('task', 'components'))
@@ -71,30 +157,10 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
 def add_loop(parser: Parser) -> Any:
     """The group of options of the ideal loop, which has --period."""
     loop = parser.add_argument_group('loop')
+    greedy = 'ask for the full speed of the path in every tick, also after limits have slowed it'
     option(loop, '--period', 'S', 'sampling time T [s]', 0.001)
-    loop.add_argument(
-        '--greedy',
-        action='store_true',
-        help='ask for the full speed of the path in every tick, also after limits have slowed it',
-    )
+    loop.add_argument('--greedy', action='store_true', help=greedy)
     return loop
-
-
-def add_out(group: Any, default: str, says: str, *, plots: bool = False) -> None:
-    """--out of commands that write several files.
-
-    Args:
-        group: Group of the subcommand's options.
-        default: The directory, unless another is named.
-        says: What is written there.
-        plots: Whether a file for a publication may be named instead, for the plots alone.
-    """
-    metavar = 'DIR'
-    meaning = f'directory for {says}'
-    if plots:
-        metavar += '|FILE.pdf|FILE.svg'
-        meaning += '; or only the plots, at the width of a column (3.5 in)'
-    option(group, '--out', metavar, meaning, Path(default))
 
 
 def add_graph(parser: argparse.ArgumentParser) -> None:
@@ -103,6 +169,26 @@ def add_graph(parser: argparse.ArgumentParser) -> None:
     namespace = 'namespace of the arm, if there are several; default: none'
     option(parser, '--domain', 'ID', domain, type=int)
     option(parser, '--namespace', 'NAME', namespace, '', type=_namespace)
+
+
+def topic_name(text: str) -> str:
+    """A topic's name as it is. Raises argparse's own error."""
+    return _checked_name(text, f'/?{_NAMES}', 'a topic, such as joint_states')
+
+
+def _namespace(text: str) -> str:
+    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, such as left')
+
+
+def _checked_name(text: str, pattern: str, expected: str) -> str:
+    """A name of the graph as it is; it must match a pattern. Raises argparse's own error."""
+    if not re.fullmatch(pattern, text, re.ASCII):
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
+    if len(text) > _LONGEST_NAME:
+        raise argparse.ArgumentTypeError(
+            f'got {len(text)} characters; expected at most {_LONGEST_NAME}'
+        )
+    return text
 
 
 def read_settings(texts: Iterable[str]) -> dict[str, Any]:
@@ -127,21 +213,33 @@ def read_settings(texts: Iterable[str]) -> dict[str, Any]:
     return values
 
 
-def topic_name(text: str) -> str:
-    """A topic's name as it is. Raises argparse's own error."""
-    return _checked_name(text, f'/?{_NAMES}', 'a topic, such as joint_states')
+# --- files, which are checked before a long computation begins ------------------------------------
 
 
-def _namespace(text: str) -> str:
-    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, such as left')
+def made(directory: Path, *names: str) -> Path:
+    """The directory, created if needed, and checked to be writable, with files of those names.
+    Raises FileError.
+    """
+    from redres_ros.files.text import attempting
+
+    with attempting(f'make the directory {directory}'):
+        directory.mkdir(parents=True, exist_ok=True)
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise FileError(f'cannot write into {directory}: permission denied')
+    for name in names:
+        check_writable(directory / name)
+    return directory
 
 
-def _checked_name(text: str, pattern: str, expected: str) -> str:
-    """A name of the graph as it is; it must match a pattern. Raises argparse's own error."""
-    if not re.fullmatch(pattern, text, re.ASCII):
-        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
-    if len(text) > _LONGEST_NAME:
-        raise argparse.ArgumentTypeError(
-            f'got {len(text)} characters; expected at most {_LONGEST_NAME}'
-        )
-    return text
+def check_writable(path: Path) -> None:
+    """Raise FileError if a file cannot be written; does not write it."""
+    from redres_ros.files.text import attempting
+
+    with attempting(f'write {path}'):
+        if path.is_dir():
+            raise FileError(f'cannot write {path}: Is a directory')
+        existing = next(place for place in (path, *path.parents) if place.exists())
+    if existing != path and not existing.is_dir():
+        raise FileError(f'cannot write {path}: {existing} is not a directory')
+    if not os.access(existing, os.W_OK):
+        raise FileError(f'cannot write {path}: permission denied')

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from redres_ros.files.text import writing
 from redres_ros.paper.runs import Runs
-from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.batch import in_parallel
 
 ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 

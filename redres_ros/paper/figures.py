@@ -17,10 +17,17 @@ from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.paper.sketches import figure_1, figure_2
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import NORMS, legend_below, save, time_panels
-from redres_ros.simulation.parallel import in_parallel
-from redres_ros.simulation.plots import Remarks, draw_norm, draw_paths
+from redres_ros.simulation.plots import (
+    NORMS,
+    Remarks,
+    draw_norm,
+    draw_paths,
+    legend_below,
+    save,
+    time_panels,
+)
 from redres_ros.simulation.recording import Recording
 
 _PICTURES = (2, 3)  # rows and columns of pictures, evenly spaced in time

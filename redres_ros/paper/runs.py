@@ -16,8 +16,8 @@ from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.preferences import JointCentering, Preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
+from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import Client, run
-from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording
 
 SIMULATION_T = 0.001  # [s]

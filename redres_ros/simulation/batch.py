@@ -1,52 +1,58 @@
-"""Many motions at once, each a case of plain data: on this computer, or wherever an executor runs
-them.
+"""Many motions at once, on all processors of this computer or wherever an executor runs them. A
+case is plain data.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+import gc
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    as_completed,
+)
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from threading import get_ident
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, UnknownNameError
 from redres_ros.files.plugins import load_plugins
+from redres_ros.files.processes import end_with_parent, handle
 from redres_ros.parameter import as_tuple, check_parameters, param
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, choose_arm
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.effort import Effort
-from redres_ros.simulation.parallel import processes
 from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
-from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.recording import Effort, Recording
 
 _CLOSED = 1e-9  # [m] between the ends of a path that closes
-_LISTS = ('limits', 'preferences', 'secondary_tasks', 'plugins')
+
+_Item = TypeVar('_Item')
+_Done = TypeVar('_Done')
+
+_shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker: work, items
 
 
 @dataclass(frozen=True)
 class Case:
     """One motion as plain data: what `Controller` takes, by names and gains, and the task.
 
-    Args:
-        robot: A name of `redres laws`, or the path of a URDF, whose text is sent to the workers.
-        gains: Values by name, such as {'damping': 5.0, 'posture.gain': 4.0}.
-        task: A kind of random task ('random', 'near_singular', 'long'), the name of a task of this
-            package, or the path of a task file.
-        seed: Seed of a random task.
-        tip_frame: Link that carries out the task; empty: the arm's own.
-        elbow_frame: Link that counts as the elbow; empty: the arm's own.
-        plugins: Python files with laws, preferences, tasks and limits; workers load them, too.
-
-    Raises:
-        RedresError: A seed that is none. Other values are checked when the controller is made.
+    Raises RedresError for a seed that is none. Other values are checked when the controller is
+    made.
     """
 
-    robot: str = 'lwr4_paper'
+    robot: str = (
+        'lwr4_paper'  # a name of `redres laws`, or the path of a URDF; workers get its text
+    )
     law: str = 'minimum_acceleration'
     T: float = 0.002
     limits: tuple[str, ...] = ()
@@ -55,17 +61,17 @@ class Case:
     scaling: str = 'task'
     preferences: tuple[str, ...] = ()
     secondary_tasks: tuple[str, ...] = ()
-    gains: Mapping[str, Any] = field(default_factory=dict)
-    task: str = 'random'
+    gains: Mapping[str, Any] = field(default_factory=dict)  # such as {'posture.gain': 4.0}
+    task: str = 'random'  # in RANDOM_TASKS, the name of a task, or the path of a task file
     seed: int = param(0, 'seed of a random task', 0, 2**32)
-    tip_frame: str = ''
-    elbow_frame: str = ''
+    tip_frame: str = ''  # empty: the arm's own
+    elbow_frame: str = ''  # empty: the arm's own
     dynamics: str = 'identified'
-    plugins: tuple[str, ...] = ()
+    plugins: tuple[str, ...] = ()  # Python files with laws and others; workers load them, too
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        for name in _LISTS:
+        for name in ('limits', 'preferences', 'secondary_tasks', 'plugins'):
             object.__setattr__(self, name, as_tuple(getattr(self, name)))
 
 
@@ -124,24 +130,33 @@ def batch(
         yield from _results(jobs, executor)
         return
     again: list[_Job] = []
-    with processes(len(jobs)) as pool:
+    with _processes(len(jobs)) as pool:
         yield from _results(jobs, pool, again)
     for job in again:
-        with processes(1) as pool:
+        with _processes(1) as pool:
             yield from _results([job], pool)
+
+
+def in_parallel(
+    work: Callable[[_Item], _Done], items: Sequence[_Item], progress: Callable[[float], None]
+) -> list[_Done]:
+    """The results of work(item), in the order of the items. Raises RedresError as `work` does.
+
+    It runs in copies of this process, so any function and any items will do; results are sent back.
+    `progress` is called with the fraction that is done.
+    """
+    with _processes(len(items), (work, items)) as pool:
+        futures = [pool.submit(_work_on, place) for place in range(len(items))]
+        for done, future in enumerate(as_completed(futures), 1):
+            future.result()
+            progress(done / len(items))
+        return [future.result() for future in futures]
 
 
 def make_controller(
     case: Case, model: RobotModel, *, pose: bool = False, switch_time: float = 0.0
 ) -> Controller:
-    """The controller of a case.
-
-    Args:
-        case: The motion.
-        model: Model of its arm.
-        pose: Whether the orientation is part of its task.
-        switch_time: See Controller.
-    """
+    """The controller of a case; `pose`: the orientation is part of its task."""
     return Controller(
         model,
         case.law,
@@ -160,9 +175,14 @@ def make_controller(
 
 def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]]) -> Iterator[_Job]:
     """Jobs of cases; raises RedresError for one that cannot be run."""
+    names = [each.name for each in fields(Case)]
     checked = set()
     for each in cases:
-        case = each if isinstance(each, Case) else _from_mapping(each)
+        if not isinstance(each, Case):
+            for name in each:
+                if name not in names:
+                    raise UnknownNameError('field of a case', name, names)
+        case = each if isinstance(each, Case) else Case(**each)
         load_plugins(case.plugins)
         arm = _find_arm(case.robot, case.tip_frame, case.elbow_frame, case.dynamics)
         task = _find_task(case.task)
@@ -174,14 +194,6 @@ def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]]) -> Iterator[_Job]:
             make_controller(case, model, pose=_has_orientations(task))
             checked.add(kind)
         yield _Job(case, arm, task)
-
-
-def _from_mapping(values: Mapping[str, Any]) -> Case:
-    names = [each.name for each in fields(Case)]
-    for name in values:
-        if name not in names:
-            raise UnknownNameError('field of a case', name, names)
-    return Case(**values)
 
 
 def _results(
@@ -222,6 +234,23 @@ def _work(job: _Job) -> Result:
         return Result(case, error=str(error))
 
 
+def _result(case: Case, recording: Recording, model: RobotModel, task: WaypointTask) -> Result:
+    ends = task.waypoints[-1] - task.waypoints[0]
+    is_closed = recording.finished and np.linalg.norm(ends) < _CLOSED
+    q = recording.vectors('q1')
+    deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
+    return Result(
+        case,
+        Effort.of(recording, model),
+        duration=len(recording.data) * recording.T,
+        time_lost=float(np.sum(1.0 - recording['task_scaling'])) * recording.T,
+        path_deviation=float(deviation.max()),
+        closure=float(np.linalg.norm(q[-1] - q[0])) if is_closed else np.nan,
+        min_singular_value=float(recording['min_singular_value'].min()),
+        min_task_scaling=float(recording['task_scaling'].min()),
+    )
+
+
 @cache
 def _find_arm(robot: str, tip: str, elbow: str, dynamics: str) -> Arm:
     """The arm with the text of its URDF."""
@@ -243,18 +272,41 @@ def _has_orientations(task: WaypointTask | None) -> bool:
     return task is not None and task.orientations is not None
 
 
-def _result(case: Case, recording: Recording, model: RobotModel, task: WaypointTask) -> Result:
-    ends = task.waypoints[-1] - task.waypoints[0]
-    is_closed = recording.finished and np.linalg.norm(ends) < _CLOSED
-    q = recording.vectors('q1')
-    deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
-    return Result(
-        case,
-        Effort.of(recording, model),
-        duration=len(recording.data) * recording.T,
-        time_lost=float(np.sum(1.0 - recording['task_scaling'])) * recording.T,
-        path_deviation=float(deviation.max()),
-        closure=float(np.linalg.norm(q[-1] - q[0])) if is_closed else np.nan,
-        min_singular_value=float(recording['min_singular_value'].min()),
-        min_task_scaling=float(recording['task_scaling'].min()),
-    )
+# --- processes ------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _processes(most: int, shared: Any = None) -> Iterator[Executor]:
+    """At most so many worker processes, one for each processor, which are killed if the block ends
+    by an exception, Ctrl-C included. What is shared goes to them with the copy of this process.
+    """
+    workers = max(min(len(os.sched_getaffinity(0)), most), 1)
+    context = multiprocessing.get_context('fork')  # a copy has everything loaded already
+    others = set(multiprocessing.active_children())
+    gc.freeze()  # copies must not destroy objects of this process, such as ROS nodes
+    with ProcessPoolExecutor(workers, context, _begin, (shared,)) as pool:
+        try:
+            yield pool
+        except BaseException:  # nobody waits for the other results any more
+            for process in set(multiprocessing.active_children()) - others:
+                process.kill()
+            raise
+        finally:
+            gc.unfreeze()
+
+
+def _begin(shared: Any) -> None:
+    # Ctrl-C and Slurm's SIGTERM reach all processes: end silently.
+    global _shared
+    handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
+    end_with_parent(signal.SIGKILL)  # else it would wait for ever
+    _shared = shared
+
+
+def _work_on(place: int) -> Any:
+    assert _shared is not None
+    work, items = _shared
+    try:
+        return work(items[place])
+    except RedresError as error:  # what has more arguments than a text cannot be sent
+        raise RedresError(str(error)) from None

@@ -17,55 +17,41 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import MotionRecorder, Recording
-from redres_ros.types import JointPositions, TaskVelocity
+from redres_ros.types import JointPositions, Seconds, TaskVelocity
 
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
 
 class Client(Protocol):
-    """Computes a command for each state: a Controller, or one of second order.
-
-    Attributes:
-        model: Model of the arm.
-        T: The robot's cycle [s].
-        m: Rows of dx, 3 or 6.
-    """
+    """Computes a command for each state: a Controller, or one of second order."""
 
     model: RobotModel
-    T: float
-    m: int
+    T: Seconds
+    m: int  # rows of dx, 3 or 6
 
     def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
         """The command at a tick. Raises DivergedError for a joint speed above SPEED_LIMIT."""
 
 
 class CommandedArm(Protocol):
-    """An arm that is commanded.
+    """An arm that is commanded."""
 
-    Attributes:
-        q: Measured joint positions, (n,) [rad].
-        stop_reason: Why it takes no commands any more; empty while it does.
-    """
-
-    q: JointPositions
-    stop_reason: str
+    q: JointPositions  # measured
+    stop_reason: str  # why it takes no commands any more; empty while it does
 
     def step(self, q_ref: JointPositions) -> None:
         """One cycle with the reference that was computed from `q`."""
 
 
-class IdealArm(CommandedArm):
+class _IdealArm(CommandedArm):
     """Follows every reference exactly, `delay` ticks late.
 
     With 0, q_{k+1} = q_k + T dq_k; with 1, tick k + 1 takes up what tick k computed.
-
-    Raises:
-        RangeError: A delay below zero.
     """
 
     stop_reason = ''
 
-    def __init__(self, q: JointPositions, delay: int = 0) -> None:
+    def __init__(self, q: JointPositions, delay: int) -> None:
         if delay < 0:
             raise RangeError('delay', delay, 0, np.inf, 'ticks')
         self.q = q
@@ -109,7 +95,7 @@ def run(
         RangeError: A delay below zero.
     """
     source = source or Planner(task)
-    plant = plant or IdealArm(task.start, delay)
+    plant = plant or _IdealArm(task.start, delay)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     is_pose = controller.m == 6
@@ -120,12 +106,9 @@ def run(
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
         state = RobotState(controller.model, plant.q, rest, rest)
+        R = state.R if is_pose else None
         reference = source.reference(
-            state.x,
-            t + ahead,
-            state.R if is_pose else None,
-            unachieved=unachieved,
-            rate=speed.fraction,
+            state.x, t + ahead, R, unachieved=unachieved, rate=speed.fraction
         )
         if plant.stop_reason:
             return recorder.recording(f'stopped after {t:.3f} s: {plant.stop_reason}')
@@ -138,10 +121,7 @@ def run(
                 f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
             )
         executed = speed.fraction * command.s  # of the nominal speed
-        recorded = command
-        if executed != command.s:
-            recorded = replace(command, solution=replace(command.solution, s=executed))
-        recorder.add(t, recorded, reference)
+        recorder.add(t, replace(command, solution=replace(command.solution, s=executed)), reference)
         ahead -= (1.0 - executed) * T
         speed.advance(command.s, T)
         unachieved = command.unachieved

@@ -1,54 +1,194 @@
-"""Pictures of one motion: paths in space and norms over time. Draws to files, without a display."""
+"""Pictures of motions: norms over time, fractions of the limits, and paths in space. Draws to
+files, without a display.
+"""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
 
+from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import NORMS, legend_below, save, time_panels
-from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.colours import law_colour, line_styles
+from redres_ros.simulation.recording import Recording, limit_usage
 from redres_ros.types import Points
 
-_SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
+NORMS = {
+    'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
+    'joint_velocity_norm': r'velocity $\Vert\dot q\Vert$ [rad/s]',
+    'null_velocity_norm': r'null-space part $\Vert P\dot q\Vert$ [rad/s]',
+    'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
+}
+
+DRAWINGS = ('.pdf', '.svg')  # written at the width of a column
+COLUMN = 3.5  # [in] of a page in two columns
+_COLUMN_RATIO = 1.6  # such a figure is so many times as high for its width
+_COLUMN_TEXT = 7.0  # [pt]
+_COLUMN_LINE = 0.7  # of the line width
+_COLUMN_LETTERS = 64  # of a line of the title
+
+_MARGIN = 0.015  # of a time axis, so that a step at either end is seen
+_BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is labelled
+
+# A norm is drawn on a logarithmic scale if its largest peak is so many times the median one
+_WIDE = 10.0
+_SHOWN = 1e4  # the range of such a scale
+
+_HIGHEST = 3.0  # fraction of a limit that is shown
+_ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
+
+_BESIDE_PATHS = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 _HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
-_MARGIN = 0.015  # of the time axis, so that a step at either end is seen
 _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not set the scale
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _MOST_POINTS = 2000  # of a curve
 
-_BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
+_LABEL_DISTANCE = 0.07  # [m] from a point to its label, away from the middle of all points
+_ARROWS = np.array((0.15, 0.5, 0.85))  # of the length of the path
 _ARROW = 0.08  # [m]
 _LARGEST_ARROW = 0.05  # of the length of the path
 _THINNEST = 0.35  # of the longest axis that each axis is shown with
 _ZOOM = 0.85  # leaves space for the labels of the axes
 
 
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as a picture for the screen, or as a .pdf or .svg as wide as a column of a
+    paper. Its folder is made if it does not exist. Raises FileError.
+    """
+    if path.suffix in DRAWINGS:
+        _fit_column(figure)
+    # 42: TrueType, as publishers ask for. A ValueError says that no picture ends like that.
+    with writing(path), rc_context({'pdf.fonttype': 42}):
+        figure.savefig(path, dpi=130)
+
+
+def _fit_column(figure: Figure) -> None:
+    """Give a figure the width of a column, and texts and lines that suit it."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(COLUMN, min(height, _COLUMN_RATIO * COLUMN * height / width))
+    for line in figure.findobj(Line2D):
+        line.set_linewidth(_COLUMN_LINE * line.get_linewidth())
+    for ax in figure.axes:
+        ax.tick_params(labelsize=_COLUMN_TEXT)
+        quantity = ax.get_ylabel()
+        if '\n' not in quantity:
+            ax.set_ylabel(quantity.replace(' [', '\n['))
+        ax.set_title(textwrap.fill(ax.get_title(), _COLUMN_LETTERS))
+    for text in figure.findobj(Text):
+        text.set_fontsize(_COLUMN_TEXT)
+    figure.align_ylabels()
+
+
+def time_panels(
+    count: int, title: str, size: tuple[float, float], heights: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """A figure of some size [in] with panels above each other over one time axis."""
+    figure = Figure(figsize=size, layout='constrained')
+    panels = _panels(figure, count, heights)
+    panels[0].set_title(title)
+    return figure, panels
+
+
+def _panels(place: Any, count: int, heights: Sequence[float] | None = None) -> list[Axes]:
+    """Panels above each other over one time axis, in a figure or a part of it."""
+    panels = list(np.atleast_1d(place.subplots(count, 1, sharex=True, height_ratios=heights)))
+    panels[-1].set_xlabel('time [s]')
+    for ax in panels:
+        ax.grid(alpha=0.3)
+        ax.set_xmargin(_MARGIN)
+    return panels
+
+
+def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:
+    """A legend of a panel's labels below the lowest one, `ax`; the layout leaves space for it."""
+    # 'outside lower center' of a figure is the same, but needs matplotlib 3.7.
+    below = ax.transAxes + ScaledTranslation(0.0, -_BELOW, ax.figure.dpi_scale_trans)
+    ax.legend(
+        *labelled.get_legend_handles_labels(),
+        loc='upper center',
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=below,
+        ncols=ncols,
+        fontsize=fontsize,
+    )
+
+
+# --- several motions ------------------------------------------------------------------------------
+
+
+def draw_norms(recordings: Mapping[str, Recording], title: str) -> Figure:
+    """The norms of motions over time, by their labels, one panel a norm."""
+    figure, axes = time_panels(len(NORMS), title, (11.0, 9.0))
+    styles = line_styles(list(recordings))
+    for ax, (norm, quantity) in zip(axes, NORMS.items(), strict=True):
+        for name, recording in recordings.items():
+            ax.plot(recording['t'], recording[norm], label=_in_symbols(name), **styles[name])
+        ax.set_ylabel(quantity, fontsize='small')
+        peaks = [recording.peak(norm)[0] for recording in recordings.values()]
+        if max(peaks) > _WIDE * np.median(peaks):
+            ax.set_yscale('log')
+            ax.set_ylim(bottom=max(peaks) / _SHOWN)
+    legend_below(axes[-1], axes[0], ncols=1, fontsize='small')
+    return figure
+
+
+def draw_limit_usage(
+    recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
+) -> Figure:
+    """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
+
+    Args:
+        recordings: Motions by their labels.
+        model: The arm, with its limits.
+        allowed: Fraction of them that the motions may use, `limit_scale`.
+        title: Above the panels.
+    """
+    figure, (velocity, acceleration, scaling) = time_panels(3, title, (11.0, 8.0))
+    styles = line_styles(list(recordings))
+    for name, recording in recordings.items():
+        curves = (*limit_usage(recording, model), recording['task_scaling'])
+        for ax, curve in zip((velocity, acceleration, scaling), curves, strict=True):
+            ax.plot(recording['t'], curve, label=_in_symbols(name), **styles[name])
+    for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
+        ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
+        highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())
+        ax.set_ylim(0.0, min(_ABOVE * highest, _HIGHEST))
+        note = f'\n(up to {highest:.3g})' if highest > _HIGHEST else ''
+        ax.set_ylabel(f"largest {quantity}\n[fraction of a joint's limit]{note}", fontsize='small')
+    scaling.set_ylim(0.0, 1.05)
+    scaling.set_ylabel('task scaling $s$:\nfraction of the task velocity', fontsize='small')
+    legend_below(scaling, velocity, ncols=1, fontsize='small')
+    return figure
+
+
+def _in_symbols(text: str) -> str:
+    """A law's label or a title as a picture shows it."""
+    return text.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$')
+
+
+# --- one motion -----------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Remarks:
-    """Remarks beside the curves of a motion.
+    """Remarks beside the curves of a motion."""
 
-    Attributes:
-        beside: Ideal motions by law, drawn dashed for comparison.
-        stopped: Why the robot was stopped, marked at the end of the curves.
-        switches: (time [s], law before, law after).
-        law: Law in force at the start; empty for one without a colour of its own.
-    """
-
-    beside: Mapping[str, Recording]
-    stopped: str = ''
-    switches: tuple[tuple[float, str, str], ...] = ()
-    law: str = ''
+    beside: Mapping[str, Recording]  # ideal motions by law, drawn dashed for comparison
+    stopped: str = ''  # why the robot was stopped, marked at the end of the curves
+    switches: tuple[tuple[float, str, str], ...] = ()  # (time [s], law before, law after)
+    law: str = ''  # in force at the start; empty for one without a colour of its own
 
 
 def draw_motion(
@@ -63,23 +203,28 @@ def draw_motion(
     errors of a task with orientations. The motion has at least one row. Raises FileError.
     """
     figure = Figure(figsize=(13.0, 7.5), layout='constrained')
-    figure.suptitle('\n'.join([title, *_lines(remarks)]), fontsize='medium')
-    parts: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.3))
-    left, right = parts
+    lines = [_in_symbols(title)]
+    for number, (t, before, after) in enumerate(remarks.switches, 1):
+        lines.append(f'{number}: at {t:.2f} s from {before} to {after}')
+    reason = remarks.stopped.replace('^2', '²')
+    if reason:
+        lines += textwrap.wrap(f'stopped at the red line: {reason}', _TITLE_WIDTH)
+    figure.suptitle('\n'.join(lines), fontsize='medium')
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.3)))
     draw_paths(left.add_subplot(projection='3d'), recording, model, task)
-    rows = len(_SHOWN) + int(recording.pose)
-    panels = list(right.subplots(rows, 1, sharex=True))
-    for ax, norm in zip(panels, _SHOWN, strict=False):
+    panels = _panels(right, len(_BESIDE_PATHS) + int(recording.pose))
+    for ax, norm in zip(panels, _BESIDE_PATHS, strict=False):
         draw_norm(ax, norm, recording, remarks)
-        _mark_events(ax, recording, remarks)
+        for number, (t, _, _) in enumerate(remarks.switches, 1):
+            ax.axvline(t, color='tab:green', ls='--', lw=1.0)
+            _label_line(ax, t, 1.01, str(number), ha='center')
+        if reason:
+            ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
     if recording.pose:
         _draw_errors(panels[-1], recording)
     for t, before, after in remarks.switches:
         _label_line(panels[-1], t, 0.97, f'{before} ', ha='right', rotation=90, va='top')
         _label_line(panels[-1], t, 0.97, f' {after}', ha='left', rotation=90, va='top')
-    panels[-1].set_xlabel('time [s]')
-    end = max(recording['t'][-1], recording.T)
-    panels[-1].set_xlim(-_MARGIN * end, (1.0 + _MARGIN) * end)
     legend_below(panels[-1], panels[0], ncols=4, fontsize='small')
     save(figure, path)
 
@@ -87,7 +232,7 @@ def draw_motion(
 def draw_contact(
     forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
 ) -> None:
-    """The force on the tip, and how far tip and elbow moved.
+    """The force on the tip, and how far tip and elbow moved. Raises FileError.
 
     Args:
         forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).
@@ -96,7 +241,7 @@ def draw_contact(
         title: What was run.
         path: Path of the picture.
     """
-    figure, (force, distance) = time_panels(2, title, (9.0, 5.5))
+    figure, (force, distance) = time_panels(2, _in_symbols(title), (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')
     force.set_ylabel('force on the tip [N]')
     every = max(len(recording.data) // _MOST_POINTS, 1)
@@ -119,9 +264,15 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> No
     """
     beside = remarks.beside
     for name, other in beside.items():
-        label = f'{name}, ideal arm'
-        ax.plot(*_curve(other, norm), label=label, color=law_colour(name), ls='--', lw=1.0)
-    _plot_by_law(ax, norm, recording, remarks)
+        ideal = f'{name}, ideal arm'
+        ax.plot(*_curve(other, norm), label=ideal, color=law_colour(name), ls='--', lw=1.0)
+    t, values = _curve(recording, norm)
+    laws = [(-np.inf, remarks.law), *((t, after) for t, _, after in remarks.switches)]
+    ends = [start for start, _ in laws[1:]] + [np.inf]
+    for (start, law), end in zip(laws, ends, strict=True):
+        shown = np.where((t < start) | (t > end), np.nan, values)
+        name = 'this run' if start < 0.0 else f'_{law}'  # an underscore: not in the legend
+        ax.plot(t, shown, color=law_colour(law), lw=1.2, label=name)
     ax.set_ylabel(NORMS[norm], fontsize='small')
     top = _largest(recording, norm)
     if remarks.stopped:
@@ -133,52 +284,19 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> No
     ax.set_ylim(0.0, top)
     for other in (recording, *beside.values()):
         _label_hidden_peak(ax, other, norm, top)
-    ax.grid(alpha=0.3)
-
-
-def _plot_by_law(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
-    """The curve of this run, each part of it in the colour of the law in force."""
-    t, values = _curve(recording, norm)
-    laws = [(-np.inf, remarks.law), *((t, after) for t, _, after in remarks.switches)]
-    ends = [start for start, _ in laws[1:]] + [np.inf]
-    for (start, law), end in zip(laws, ends, strict=True):
-        shown = np.where((t < start) | (t > end), np.nan, values)
-        label = 'this run' if start < 0.0 else f'_{law}'  # an underscore: not in the legend
-        ax.plot(t, shown, color=law_colour(law), lw=1.2, label=label)
 
 
 def _draw_errors(ax: Axes, recording: Recording) -> None:
     """Position and orientation errors of the tip."""
-    for column, color, label in (
+    for column, color, name in (
         ('task_error', 'black', 'position [mm]'),
         ('orientation_error', 'tab:orange', 'orientation [mrad]'),
     ):
         t, error = _curve(recording, column)
-        ax.plot(t, 1e3 * error, color=color, lw=1.2, label=label)
+        ax.plot(t, 1e3 * error, color=color, lw=1.2, label=name)
     ax.set_ylabel('error', fontsize='small')
     ax.set_ylim(bottom=0.0)
-    ax.grid(alpha=0.3)
     ax.legend(fontsize='x-small', loc='upper right')
-
-
-def _lines(remarks: Remarks) -> list[str]:
-    """Remarks as text, one line each."""
-    lines = []
-    for number, (t, before, after) in enumerate(remarks.switches, 1):
-        lines.append(f'{number}: at {t:.2f} s from {before} to {after}')
-    if remarks.stopped:
-        reason = remarks.stopped.replace('^2', '²')
-        lines += textwrap.wrap(f'stopped at the red line: {reason}', _TITLE_WIDTH)
-    return lines
-
-
-def _mark_events(ax: Axes, recording: Recording, remarks: Remarks) -> None:
-    """Switches by their numbers, and the stop."""
-    for number, (t, _, _) in enumerate(remarks.switches, 1):
-        ax.axvline(t, color='tab:green', ls='--', lw=1.0)
-        _label_line(ax, t, 1.01, str(number), ha='center')
-    if remarks.stopped:
-        ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
 
 
 def _label_line(ax: Axes, t: float, height: float, text: str, **style: Any) -> None:
@@ -218,43 +336,40 @@ def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
     return np.insert(t, breaks, np.nan), np.insert(recording[norm], breaks, np.nan)
 
 
+# --- paths ----------------------------------------------------------------------------------------
+
+
 def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
     """The path of the tip in black and of the elbow in blue, with the task's points in red, in
     three dimensions.
 
     The start is a filled circle, and arrows point where the motion goes.
     """
-    tip = recording.vectors('x')  # (N, 3)
-    elbow = np.array(
-        [model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]]
-    )  # (N / 10, 3)
-    if len(tip):
-        ax.plot(*tip.T, color='black', label='tip')
-        ax.plot(*elbow.T, color='tab:blue', label='elbow')
-        _draw_arrows(ax, tip, 'black')
-        _draw_arrows(ax, elbow, 'tab:blue')
-        ax.plot(*elbow[:1].T, 'o', color='tab:blue', ms=6)
-        ax.plot(*tip[:1].T, 'o', color='black', ms=7, label='start')
-    ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
-    outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
-    lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
-    places = task.waypoints + _BESIDE * outwards / lengths  # of the labels
-    for point, names in _names_by_point(task.waypoints).items():
-        style = {'color': 'tab:red', 'ha': 'center', 'va': 'center'}
-        ax.text(*places[point], ', '.join(names), **style)
-    ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='paths of tip and elbow')
-    _scale_alike(ax)
-    ax.view_init(elev=18.0, azim=-35.0)
-    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
-
-
-def _names_by_point(points: Points) -> dict[int, list[str]]:
-    """What the points are called, by the first of those that are in one place."""
-    names: dict[int, list[str]] = {}
+    if len(recording.data):
+        postures = recording.vectors('q1')[::10]
+        elbow = np.array([model.position(q, model.arm.elbow_frame) for q in postures])
+        for name, path, color in (
+            ('tip', recording.vectors('x'), 'black'),
+            ('elbow', elbow, 'tab:blue'),
+        ):
+            ax.plot(*path.T, color=color, label=name)
+            _draw_arrows(ax, path, color)
+            ax.plot(*path[:1].T, 'o', color=color, ms=7, label=f'start of the {name}')
+    points = task.waypoints
+    ax.plot(*points.T, 's', color='tab:red', ms=4, label='points of the task')
+    outwards = points - points.mean(axis=0)  # (N, 3)
+    lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _LABEL_DISTANCE)
+    names: dict[int, list[str]] = {}  # by the first of the points that are in one place
     for number, point in enumerate(points):
         first = int(np.argmin(np.linalg.norm(points - point, axis=1)))
         names.setdefault(first, []).append(f'$x_{number}$')
-    return names
+    for first, together in names.items():
+        place = points[first] + _LABEL_DISTANCE * outwards[first] / lengths[first]
+        ax.text(*place, ', '.join(together), color='tab:red', ha='center', va='center')
+    ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='paths of tip and elbow')
+    _scale_alike(ax)
+    ax.view_init(elev=18.0, azim=-35.0)
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize='small')
 
 
 def _draw_arrows(ax: Any, path: Points, color: str) -> None:
@@ -262,25 +377,20 @@ def _draw_arrows(ax: Any, path: Points, color: str) -> None:
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
     size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
-    for fraction in (0.15, 0.5, 0.85):
-        at = int(np.searchsorted(lengths, fraction * lengths[-1]))
-        ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(path) - 1)
-        direction = path[ahead] - path[at]
-        direction *= size / max(float(np.linalg.norm(direction)), 1e-9)
-        ax.quiver(*path[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
+    at = np.searchsorted(lengths, _ARROWS * lengths[-1])
+    ahead = np.minimum(np.searchsorted(lengths, lengths[at] + size / 4.0), len(path) - 1)
+    style = {'color': color, 'arrow_length_ratio': 0.6, 'lw': 1.5}
+    ax.quiver(*path[at].T, *(path[ahead] - path[at]).T, length=size, normalize=True, **style)
 
 
 def _scale_alike(ax: Any) -> None:
-    """Make a metre equally long on every axis, with as many ticks as fit."""
+    """Make a metre equally long on every axis."""
     limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
     spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
     middles = limits.mean(axis=1)
-    for set_limits, middle, span in zip(
-        (ax.set_xlim, ax.set_ylim, ax.set_zlim), middles, spans, strict=True
-    ):
-        set_limits(middle - span / 2.0, middle + span / 2.0)
+    x, y, z = np.column_stack((middles - spans / 2.0, middles + spans / 2.0))
+    ax.set(xlim=x, ylim=y, zlim=z)
     ax.set_box_aspect(spans, zoom=_ZOOM)
     ax.zaxis.labelpad = 8.0
-    for axis, span in zip((ax.xaxis, ax.yaxis, ax.zaxis), spans, strict=True):
-        axis.set_major_locator(MaxNLocator(max(round(4.0 * span / spans.max()), 2)))
-        axis.set_tick_params(labelsize='small')
+    ax.locator_params(nbins=4)
+    ax.tick_params(labelsize='small')

@@ -2,7 +2,7 @@
 the same task.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from redres_ros.errors import UnknownNameError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.effort import Effort
+from redres_ros.simulation.recording import Effort
+from redres_ros.types import JointPositions, Points, Seconds
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
 _FARTHEST = 2.0 * np.pi  # [rad] from zero of such a start, for joints that turn without end
@@ -42,38 +43,12 @@ _COARSE = 0.03  # [s] sampling time of the search
 _DIFFERENT = 3.0  # ratio of the peaks of acceleration at which it ends
 
 
-def _random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A start within the joints' ranges, and points that the arm reaches from there."""
-    start, points = _random_walk(model, _POINTS, seed)
-    return WaypointTask(robot, start, points, segment_time=_SEGMENT)
-
-
-def _long_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A minute of motion: many points, and back through all of them to the first."""
-    start, points = _random_walk(model, _LONG_POINTS, seed)
-    there_and_back = np.concatenate((points, points[-2::-1]))
-    return WaypointTask(robot, start, there_and_back, segment_time=_LONG_SEGMENT)
-
-
-def _near_singular_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """Points that the arm reaches in nearly singular postures, and back to the first.
-
-    At rest an arm passes any singularity: it is between such points that it moves fast near one.
-    The postures are found by descending along the gradient of the Jacobian's smallest singular
-    value, from random ones within the joints' ranges.
-    """
-    random = np.random.default_rng(seed)
-    start = min(
-        (_descended(model, _random_posture(model, random)) for _ in range(_DESCENTS)),
-        key=lambda q: _least_singular_value(model, q)[0],
-    )
-    postures = [start]
-    for _ in range(_POINTS - 1):
-        direction = random.normal(size=model.n)
-        beside = postures[-1] + _AWAY / np.linalg.norm(direction) * direction
-        postures.append(_descended(model, _inside(model, beside)))
-    points = np.array([model.tip(q)[0] for q in (*postures, start)])
-    return WaypointTask(robot, start, points, segment_time=_SEGMENT)
+def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> WaypointTask:
+    """A random task of a kind in RANDOM_TASKS for an arm and its name. Raises UnknownNameError."""
+    if kind not in RANDOM_TASKS:
+        raise UnknownNameError('kind of task', kind, RANDOM_TASKS)
+    start, points, segment_time = RANDOM_TASKS[kind](model, np.random.default_rng(seed))
+    return WaypointTask(robot, start, points, segment_time=segment_time)
 
 
 def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
@@ -104,7 +79,7 @@ def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
 
 def _triangle(model: RobotModel, robot: str, corners: np.ndarray) -> WaypointTask:
     """Through the tip's positions in three postures, (3, n) [rad], and back to the first."""
-    points = np.array([model.tip(q)[0] for q in (*corners, corners[0])])
+    points = _positions(model, [*corners, corners[0]])
     return WaypointTask(robot, corners[0], points, segment_time=_SIDE)
 
 
@@ -121,54 +96,87 @@ def _contrast(model: RobotModel, task: WaypointTask) -> float:
     return peaks[1] / peaks[0] if peaks[0] else 0.0
 
 
-RANDOM_TASKS: dict[str, Callable[[RobotModel, str, int], WaypointTask]] = {
-    'random': _random_task,
-    'near_singular': _near_singular_task,
-    'long': _long_task,
+# --- kinds ----------------------------------------------------------------------------------------
+
+_Path = tuple[JointPositions, Points, Seconds]  # start, points, time of a segment
+
+
+def _random_path(model: RobotModel, random: np.random.Generator) -> _Path:
+    """A start within the joints' ranges, and points that the arm reaches from there."""
+    start, points = _random_walk(model, _POINTS, random)
+    return start, points, _SEGMENT
+
+
+def _long_path(model: RobotModel, random: np.random.Generator) -> _Path:
+    """A minute of motion: many points, and back through all of them to the first."""
+    start, points = _random_walk(model, _LONG_POINTS, random)
+    return start, np.concatenate((points, points[-2::-1])), _LONG_SEGMENT
+
+
+def _near_singular_path(model: RobotModel, random: np.random.Generator) -> _Path:
+    """Points that the arm reaches in nearly singular postures, and back to the first.
+
+    At rest an arm passes any singularity: it is between such points that it moves fast near one.
+    The postures are found by descending along the gradient of the Jacobian's smallest singular
+    value, from random ones within the joints' ranges.
+    """
+    start = min(
+        (_descended(model, _random_posture(model, random)) for _ in range(_DESCENTS)),
+        key=lambda q: _least_singular_value(model, q)[0],
+    )
+    postures = [start]
+    for _ in range(_POINTS - 1):
+        direction = random.normal(size=model.n)
+        beside = postures[-1] + _AWAY / np.linalg.norm(direction) * direction
+        postures.append(_descended(model, _inside(model, beside)))
+    return start, _positions(model, [*postures, start]), _SEGMENT
+
+
+RANDOM_TASKS: dict[str, Callable[[RobotModel, np.random.Generator], _Path]] = {
+    'random': _random_path,
+    'near_singular': _near_singular_path,
+    'long': _long_path,
 }
 
 
-def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A random task of a kind in RANDOM_TASKS for an arm and its name. Raises UnknownNameError."""
-    if kind not in RANDOM_TASKS:
-        raise UnknownNameError('kind of task', kind, RANDOM_TASKS)
-    return RANDOM_TASKS[kind](model, robot, seed)
+def _random_walk(
+    model: RobotModel, steps: int, random: np.random.Generator
+) -> tuple[JointPositions, Points]:
+    """A random walk in joint space: its start, and where the tip is, the first at the start."""
+    start = _random_posture(model, random)
+    q = start
+    postures = [start]
+    for _ in range(steps):
+        q = q + random.uniform(-_STEP, _STEP, model.n)
+        postures.append(_inside(model, q))
+    return start, _positions(model, postures)
 
 
-def _inner_range(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
-    """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
+def _positions(model: RobotModel, postures: Sequence[JointPositions]) -> Points:
+    """Where the tip is."""
+    return np.array([model.tip(q)[0] for q in postures])
+
+
+def _inner_range(model: RobotModel) -> tuple[JointPositions, JointPositions]:
+    """Middle of the joints' ranges, and half of the part in which starts lie."""
     lower = np.maximum(model.q_min, -_FARTHEST)
     upper = np.minimum(model.q_max, _FARTHEST)
     return (lower + upper) / 2.0, _RANGE * (upper - lower) / 2.0
 
 
-def _inside(model: RobotModel, q: np.ndarray) -> np.ndarray:
-    """The posture within the range of starts that is nearest to q, (n,) [rad]."""
+def _inside(model: RobotModel, q: JointPositions) -> JointPositions:
+    """The posture within the range of starts that is nearest to q."""
     middle, half = _inner_range(model)
     return np.clip(q, middle - half, middle + half)
 
 
-def _random_posture(model: RobotModel, random: np.random.Generator) -> np.ndarray:
+def _random_posture(model: RobotModel, random: np.random.Generator) -> JointPositions:
     middle, half = _inner_range(model)
     return middle + half * random.uniform(-1.0, 1.0, model.n)
 
 
-def _random_walk(model: RobotModel, steps: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A random walk in joint space: its start (n,) [rad], and the points (steps + 1, 3) [m] where
-    the tip is, the first at the start.
-    """
-    random = np.random.default_rng(seed)
-    start = _random_posture(model, random)
-    q = start
-    points = [model.tip(q)[0]]
-    for _ in range(steps):
-        q = q + random.uniform(-_STEP, _STEP, model.n)
-        points.append(model.tip(_inside(model, q))[0])
-    return start, np.array(points)
-
-
-def _descended(model: RobotModel, q: np.ndarray) -> np.ndarray:
-    """A nearly singular posture near q, (n,) [rad]: the first on the descent, or its last."""
+def _descended(model: RobotModel, q: JointPositions) -> JointPositions:
+    """A nearly singular posture near q: the first on the descent, or its last."""
     for _ in range(_STEPS):
         sigma, gradient = _least_singular_value(model, q)
         if sigma < _SINGULAR * model.reach:
@@ -178,7 +186,7 @@ def _descended(model: RobotModel, q: np.ndarray) -> np.ndarray:
     return q
 
 
-def _least_singular_value(model: RobotModel, q: np.ndarray) -> tuple[float, np.ndarray]:
+def _least_singular_value(model: RobotModel, q: JointPositions) -> tuple[float, np.ndarray]:
     """sigma_min of the position's Jacobian, and its gradient u' dJ/dq_i v, (n,)."""
     state = model.state(q, np.zeros(model.n))
     U, sigma, Vt = np.linalg.svd(state.J[:3], full_matrices=False)

@@ -1,5 +1,5 @@
-"""A motion as a table: one row a tick, the same columns whether it was simulated or recorded from
-the nodes.
+"""A motion as a table, the same whether it was simulated or recorded from the nodes: one row a
+tick; and what it demands of the arm.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,12 @@ from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Weight, resolve_one
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.types import Seconds
 
 _BLOCK = 400  # ticks: of more, a tick takes no less time
 _NEAR = 1e-2  # ratio of singular values below which their squares have lost too many digits
+_ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:
@@ -24,21 +26,10 @@ def columns(n: int, pose: bool = False) -> tuple[str, ...]:
     time [s].
     """
     joints = range(1, n + 1)
-    return (
-        't',
-        *(f'q{i}' for i in joints),
-        *(f'dq{i}' for i in joints),
-        'x',
-        'y',
-        'z',
-        'x_d',
-        'y_d',
-        'z_d',
-        'task_error',
-        *(('orientation_error',) if pose else ()),
-        *VALUES,
-        'segment',
-    )
+    q = [f'q{i}' for i in joints]
+    dq = [f'dq{i}' for i in joints]
+    errors = ['task_error', 'orientation_error'] if pose else ['task_error']
+    return ('t', *q, *dq, 'x', 'y', 'z', 'x_d', 'y_d', 'z_d', *errors, *VALUES, 'segment')
 
 
 class MotionRecorder:
@@ -126,20 +117,14 @@ def _null_velocities(
 
 @dataclass(frozen=True)
 class Recording:
-    """A motion, one row a tick: data (ticks, columns) of n joints.
-
-    Attributes:
-        finished: Whether the last point was reached.
-        ending: How it ended, in words.
-        pose: Whether the task has orientations.
-    """
+    """A motion, one row a tick: data (ticks, columns) of n joints."""
 
     data: np.ndarray
     n: int
-    T: float
-    finished: bool
-    ending: str
-    pose: bool = False
+    T: Seconds
+    finished: bool  # whether the last point was reached
+    ending: str  # how it ended, in words
+    pose: bool = False  # whether the task has orientations
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -162,11 +147,6 @@ class Recording:
         rows: np.ndarray = np.minimum(np.searchsorted(self['t'], times), len(self.data) - 1)
         return rows
 
-    @property
-    def accelerations(self) -> np.ndarray:
-        """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""
-        return np.diff(self.vectors('dq1'), axis=0, prepend=0.0) / self.T
-
     def peak(self, name: str) -> tuple[float, float]:
         """Largest value of a column and the time [s] at which it occurs."""
         at = int(np.argmax(self[name]))
@@ -176,12 +156,78 @@ class Recording:
         """All rows with a heading, at full precision: reading them back gives the same bits. Raises
         FileError.
         """
+        heading = ','.join(self.columns)
         with writing(path):
-            np.savetxt(
-                path,
-                self.data,
-                fmt='%.17g',
-                delimiter=',',
-                header=','.join(self.columns),
-                comments='',
-            )
+            np.savetxt(path, self.data, '%.17g', delimiter=',', header=heading, comments='')
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a motion demands of the arm."""
+
+    acceleration: float  # largest norm [rad/s^2]
+    velocity: float  # largest norm [rad/s]
+    torque: float  # largest norm [Nm]
+    squared_acceleration: float  # integral of the squared norm over time [rad^2/s^3]
+    squared_torque: float  # the same [Nm^2 s]
+    kinetic_energy: float  # integral of 1/2 dq' M dq over time [J s]
+    elbow: float  # length of the elbow's path [m]
+    violation: str  # the first joint that goes beyond a limit, how and when; empty for none
+    finished: bool  # whether the last point was reached
+    ending: str  # how the motion ended, in words
+
+    @classmethod
+    def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
+        """The effort of a motion of at least one tick, which began at rest."""
+        T = recording.T
+        q = recording.vectors('q1')
+        dq = recording.vectors('dq1')
+        energies, elbow = model.energies_and_positions(q, dq, model.arm.elbow_frame)
+        return cls(
+            recording.peak('joint_acceleration_norm')[0],
+            recording.peak('joint_velocity_norm')[0],
+            recording.peak('joint_torque_norm')[0],
+            squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
+            squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
+            kinetic_energy=T * float(energies.sum()),
+            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
+            violation=_first_violation(recording, JointLimits.of(model.arm)),
+            finished=recording.finished,
+            ending=recording.ending,
+        )
+
+
+def limit_usage(recording: Recording, model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and acceleration of the joint nearest to its limit, or beyond, as fractions of it,
+    (ticks,) each.
+    """
+    limits = JointLimits.of(model.arm)
+    velocity = np.abs(recording.vectors('dq1')) / limits.velocity
+    acceleration = np.abs(_accelerations(recording)) / limits.acceleration
+    return velocity.max(axis=1), acceleration.max(axis=1)
+
+
+def _first_violation(recording: Recording, limits: JointLimits) -> str:
+    """The first joint beyond one of its limits, how and when; empty if all are kept."""
+    q = recording.vectors('q1')
+    tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
+    more = 1.0 + _ROUNDING
+    beyond = {
+        'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
+        'velocity': np.abs(recording.vectors('dq1')) > more * limits.velocity,
+        'acceleration': np.abs(_accelerations(recording)) > more * limits.acceleration,
+    }
+    found = []
+    for kind, where in beyond.items():
+        if where.any():
+            tick, joint = np.argwhere(where)[0]
+            found.append((float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}'))
+    if not found:
+        return ''
+    t, what = min(found)
+    return f'{what}, {t:.2f} s'
+
+
+def _accelerations(recording: Recording) -> np.ndarray:
+    """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""
+    return np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T

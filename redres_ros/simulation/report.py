@@ -1,27 +1,51 @@
-"""Progress bars and tables for the terminal."""
+"""Progress bars and tables for the terminal: of one motion, of laws side by side, and of many
+motions.
+"""
 
 import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
+import numpy as np
 from rich import box
-from rich.console import Console, Group, JustifyMethod
+from rich.console import Console, Group
+from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from redres_ros.simulation.recording import Recording
+from redres_ros.laws import LAWS, Law, law_name
+from redres_ros.simulation.recording import Effort, Recording
+
+if TYPE_CHECKING:
+    from redres_ros.simulation.batch import Result
 
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
-
 _DRAWN_EVERY = 0.1  # [s]
 
-PEAKS = {  # of the norms that are shown, and their heads
+_ALIKE = 1.05  # ratio of two peaks of acceleration that hardly differ
+_BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
+
+_PEAKS = {  # norms, also figures of Effort, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
     'velocity': 'max |dq| [rad/s]',
     'torque': 'max |tau| [Nm]',
+}
+_WHOLE = {  # other figures of Effort, and their heads
+    'squared_acceleration': 'int ddq^2 [rad^2/s^3]',
+    'squared_torque': 'int tau^2 [Nm^2 s]',
+    'kinetic_energy': 'int energy [J s]',
+    'elbow': 'elbow path [m]',
+}
+RATIOS: dict[str, Callable[['Result'], float]] = {  # figures of many motions, by their heads
+    'peak |ddq|': lambda result: _effort(result, 'acceleration'),
+    'RMS |ddq|': lambda result: _root_mean_square(result, 'squared_acceleration'),
+    'peak |tau|': lambda result: _effort(result, 'torque'),
+    'RMS |tau|': lambda result: _root_mean_square(result, 'squared_torque'),
+    'kinetic energy': lambda result: _effort(result, 'kinetic_energy'),
 }
 
 
@@ -32,7 +56,7 @@ def table(
 
     Args:
         heads: One for each column, with its unit, such as 'median [us]'.
-        rows: The cells; a row of one cell is the heading of a section, an empty one a gap.
+        rows: The cells.
         title: Above the table.
         note: Below it.
     """
@@ -44,25 +68,16 @@ def table(
         caption_justify='left',
     )
     for place, head in enumerate(heads):
-        justify: JustifyMethod = 'right' if place else 'left'
-        shown.add_column(Text(head), justify=justify, no_wrap=not place, overflow='fold')
+        shown.add_column(Text(head), justify='right' if place else 'left', overflow='fold')
     for row in rows:
-        if row:
-            style = 'bold' if len(row) == 1 and len(heads) > 1 else None
-            shown.add_row(*map(Text, row), style=style)
-        else:
-            shown.add_section()
+        shown.add_row(*map(Text, row))
     return shown
 
 
 def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
     """A table of labels and texts; a row of one cell is the heading of a section."""
-    shown = Table(
-        title=Text(title, style='bold') if title else None,
-        box=box.SIMPLE,
-        show_header=False,
-        title_justify='left',
-    )
+    heading = Text(title, style='bold') if title else None
+    shown = Table(title=heading, box=box.SIMPLE, show_header=False, title_justify='left')
     for row in rows:
         if len(row) == 1:
             shown.add_section()
@@ -75,41 +90,22 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
 def print_tables(*tables: Table) -> None:
     """Print tables, as wide as the terminal is, or as wide as they need to be without one.
 
-    In a narrow terminal their rows become columns, or tables of their own, before a figure is cut
-    off.
+    In a narrow terminal each row becomes a table of its own, before a figure is cut off.
     """
-    width: int | None = _WIDE
-    if sys.stdout is not None and sys.stdout.isatty():  # it is None if it was closed
-        width = None
-    console = Console(width=width)
+    is_terminal = sys.stdout is not None and sys.stdout.isatty()  # it is None if it was closed
+    console = Console(width=None if is_terminal else _WIDE)
     for each in tables:
-        console.print(_fitting(each, console))
+        least = Measurement.get(console, console.options.update(width=_WIDE), each).minimum
+        console.print(_by_row(each) if each.show_header and least > console.width else each)
 
 
-def _fitting(wide: Table, console: Console) -> Table | Group:
-    if not _is_cut(wide, console):
-        return wide
-    heads = [str(column.header) for column in wide.columns]
-    columns = [list(map(str, column.cells)) for column in wide.columns]
-    rows = list(zip(*columns, strict=True))
-    turned = _turned(heads, rows)
-    parts = [turned] if not _is_cut(turned, console) else [_turned(heads, [row]) for row in rows]
-    return Group(*(part for part in (wide.title, *parts, wide.caption) if part))
-
-
-def _is_cut(shown: Table, console: Console) -> bool:
-    """Whether a word does not fit into its column, or a column not into the terminal."""
-    lines = console.render_lines(shown)
-    seen = {word for line in lines for segment in line for word in segment.text.split()}
-    cells = [cell for column in shown.columns for cell in (column.header, *column.cells)]
-    return not seen.issuperset(word for cell in cells for word in str(cell).split())
-
-
-def _turned(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table of the same cells with a column for each row; a head without figures is left out."""
-    names, *figures = zip(*rows, strict=True)
-    lines = [(head, *cells) for head, cells in zip(heads[1:], figures, strict=True) if any(cells)]
-    return table([heads[0], *names], lines)
+def _by_row(wide: Table) -> Group:
+    """The cells of a table, a table for each row."""
+    head, *heads = (str(column.header) for column in wide.columns)
+    parts = []
+    for name, *figures in zip(*(map(str, column.cells) for column in wide.columns), strict=True):
+        parts.append(table([head, name], zip(heads, figures, strict=True)))
+    return Group(wide.title or '', *parts, wide.caption or '')
 
 
 @contextmanager
@@ -121,14 +117,15 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     processes that copy this one.
     """
     console = Console(stderr=True)
-    parts = (
+    bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),
         TextColumn('{task.percentage:3.0f} %'),
         TimeElapsedColumn(),
-    )
-    bar = Progress(
-        *parts, transient=True, console=console, disable=not console.is_terminal, auto_refresh=False
+        transient=True,
+        console=console,
+        disable=not console.is_terminal,
+        auto_refresh=False,
     )
     task = bar.add_task(label, total=1.0)
     drawn_at = -math.inf
@@ -144,19 +141,143 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         yield update
 
 
-def peaks(recordings: Mapping[str, Recording]) -> Table:
-    """One row a recording: its end, the largest norms and when, the last error."""
-    heads = ('law', 'end [s]', *PEAKS.values(), 'last error [mm]')
-    return table(heads, [_peaks(name, each) for name, each in recordings.items()])
+# --- motions --------------------------------------------------------------------------------------
 
 
-def _peaks(name: str, recording: Recording) -> list[str]:
-    if not len(recording.data):
-        return [name, 'no tick']
-    peaks = [recording.peak(f'joint_{norm}_norm') for norm in PEAKS]
-    return [
-        name,
-        f'{recording["t"][-1]:.3f}',
-        *(f'{value:.5g} at {t:5.2f} s' for value, t in peaks),
-        f'{1e3 * recording["task_error"][-1]:.4f}',
+def label(law: Law) -> str:
+    """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
+    if not law.has_memory:
+        return law_name(law)
+    damping = repr(float(law.damping)).removesuffix('.0')
+    return f'{law_name(law)}, k_d = {damping} 1/s'
+
+
+def peak_table(name: str, recording: Recording) -> Table:
+    """The end of a motion, the largest norms and when, and the last error."""
+    row = [name, 'no tick']
+    if len(recording.data):
+        peaks = [recording.peak(f'joint_{norm}_norm') for norm in _PEAKS]
+        row = [
+            name,
+            f'{recording["t"][-1]:.3f}',
+            *(f'{value:.5g} at {t:5.2f} s' for value, t in peaks),
+            f'{1e3 * recording["task_error"][-1]:.4f}',
+        ]
+    return table(('law', 'end [s]', *_PEAKS.values(), 'last error [mm]'), [row])
+
+
+def comparison_tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
+    """The worst moments, with the arm's limits, and the whole motion; one row a law."""
+    marked = {name: _marked(efforts, name) for name in (*_PEAKS, *_WHOLE)}
+    worst = []
+    whole = []
+    for law, effort in efforts.items():
+        within = f'no: {effort.violation}' if effort.violation else 'yes'
+        worst.append([law, *(marked[name][law] for name in _PEAKS), within])
+        whole.append([law, *(marked[name][law] for name in _WHOLE)])
+    unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
+    notes = ['* least', *_conclusion(efforts), *unfinished]
+    return (
+        table(['law', *_PEAKS.values(), 'within the limits?'], worst, title=title),
+        table(['law', *_WHOLE.values()], whole, note='\n'.join(notes)),
+    )
+
+
+def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
+    """One figure of every law as text, the least of them with a star."""
+    values = {law: getattr(effort, name) for law, effort in efforts.items()}
+    shown = {law: f'{value:.4g}' for law, value in values.items()}
+    least = shown[min(values, key=values.__getitem__)]
+    return {law: f'{text}{"*" if text == least else " "}' for law, text in shown.items()}
+
+
+def _conclusion(efforts: Mapping[str, Effort]) -> list[str]:
+    """The conclusion of a comparison, in a line; none if fewer than two laws arrived."""
+    peaks = {law: effort.acceleration for law, effort in efforts.items() if effort.finished}
+    if len(peaks) < 2:
+        return []
+    best = min(peaks, key=peaks.__getitem__)
+    worst = max(peaks, key=peaks.__getitem__)
+    ratio = peaks[worst] / peaks[best]
+    if ratio < _ALIKE:
+        return [
+            'The peaks of acceleration hardly differ: on this task the law does not matter. '
+            'It may where a path passes a singularity in motion.'
+        ]
+    return [f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.']
+
+
+# --- many motions ---------------------------------------------------------------------------------
+
+_Results = Mapping[int, 'Result']  # of one law, by the seeds of its tasks
+
+
+def summary_tables(results: Iterable['Result']) -> list[Table]:
+    """A table for each kind of task, with the ratios of each law to the first one.
+
+    The results differ in task, law, damping and seed alone.
+    """
+    groups: dict[str, dict[str, dict[int, Result]]] = {}
+    for result in sorted(results, key=lambda result: result.case.law != 'minimum_velocity'):
+        case = result.case
+        limits = ', '.join(case.limits) or 'none'
+        title = f'{case.robot}, {case.task}, T = {1e3 * case.T:g} ms, limits: {limits}'
+        law = label(LAWS.resolve(case.law, case.gains))
+        groups.setdefault(title, {}).setdefault(law, {})[case.seed] = result
+    return [_summary_table(title, laws) for title, laws in groups.items()]
+
+
+def _summary_table(title: str, laws: Mapping[str, _Results]) -> Table:
+    first, *others = laws
+    rows = []
+    for law, results in laws.items():
+        finished = [each for each in results.values() if each.finished]
+        within = [each for each in finished if each.within_limits]
+        rows.append(
+            [
+                law,
+                f'{len(finished) / len(results):.0%}',
+                f'{len(within) / len(results):.0%}',
+                *(_band(_ratios(results, laws[first], figure)) for figure in RATIOS.values()),
+                _median(each.time_lost for each in finished),
+                _median(each.closure for each in finished),
+            ]
+        )
+    peak = RATIOS['peak |ddq|']
+    ratios = {law: _ratios(laws[law], laws[first], peak) for law in others}
+    medians = {law: float(np.median(each)) for law, each in ratios.items() if len(each)}
+    note = f'{len(laws[first])} tasks; ratios to {first}: median (10 to 90 %)'
+    if medians:
+        best = min(medians, key=medians.__getitem__)
+        note += f'; the median peak of acceleration is {medians[best]:.2f} times with {best}'
+    heads = ('law', 'finished', 'within limits', *RATIOS, 'time lost [s]', 'closure [rad]')
+    return table(heads, rows, title=title, note=note)
+
+
+def _ratios(results: _Results, others: _Results, figure: Callable[['Result'], float]) -> np.ndarray:
+    """A figure over that of other results, of each task that both finish."""
+    both = [
+        seed for seed in results.keys() & others if results[seed].finished and others[seed].finished
     ]
+    return np.array([figure(results[seed]) / figure(others[seed]) for seed in both])
+
+
+def _effort(result: 'Result', name: str) -> float:
+    return float(getattr(result.effort, name))
+
+
+def _root_mean_square(result: 'Result', name: str) -> float:
+    return float(np.sqrt(_effort(result, name) / result.duration))
+
+
+def _median(values: Iterable[float]) -> str:
+    """The median of the values that are no NaN, or a dash."""
+    numbers = [value for value in values if np.isfinite(value)]
+    return f'{np.median(numbers):.3f}' if numbers else '-'
+
+
+def _band(ratios: np.ndarray) -> str:
+    if not len(ratios):
+        return '-'
+    low, high = np.quantile(ratios, _BAND)
+    return f'{np.median(ratios):.3f} ({low:.2f}–{high:.2f})'

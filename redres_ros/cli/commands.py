@@ -1,0 +1,215 @@
+"""`redres reproduce`, `laws`, `view`, `watch` and `check`."""
+
+import argparse
+import inspect
+import shutil
+import sys
+import textwrap
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.cli.options import (
+    DURATIONS,
+    add_command,
+    add_graph,
+    made,
+    option,
+    read_settings,
+    topic_name,
+)
+from redres_ros.errors import RangeError, UnknownNameError
+
+if TYPE_CHECKING:
+    from redres_ros.parameter import Gain
+
+_NAME_WIDTH = 26  # columns
+_NARROWEST = 60  # columns; text beside the names needs some
+_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
+
+_HEADS = {
+    'law': 'laws, --law NAME: the quantity to minimise',
+    'preference': 'preferences, --prefer NAME=GAIN: a joint-space objective in the null space',
+    'task': 'tasks, --secondary NAME: secondary tasks, in order of priority',
+    'limit': 'limits, --limits A,B: what every command keeps',
+}
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommands."""
+    claims = "the paper's figures and claims, without ROS"
+    reproduce = add_command(commands, _reproduce, claims, '--out figures')
+    figures = 'directory for figures and table'
+    option(reproduce, '--out', 'DIR', figures, Path('redres_reproduce'))
+
+    add_command(
+        commands,
+        _laws,
+        'laws, preferences, tasks and limits with their gains, and arms, by name',
+        '# all of them',
+        '--plugin my_laws.py  # and those in this file',
+    )
+
+    page = 'a page in the browser: see and steer running nodes'
+    view = add_command(commands, _view, page, '--domain 42')
+    port = 'port of the page on this computer; if it is taken, the next free one'
+    option(view, '--port', 'N', port, 8080)
+    add_graph(view)
+
+    watch = add_command(
+        commands,
+        _watch,
+        'the live state of running nodes; switches their law',
+        '--domain 42',
+        '--set law=minimum_velocity  # another law, and its effect',
+        '--set limit_scale=0.5 --duration 0  # sets it, and ends',
+        '--duration 10 > watch.txt  # not in a terminal: a line a second',
+    )
+    parameters = 'first set these parameters of the controller, all or none'
+    end = 'end after this time [s]; default: run until Ctrl-C'
+    option(watch, '--set', 'NAME=VALUE', parameters, nargs='+', action='extend')
+    option(watch, '--duration', 'S', end, type=float, within=DURATIONS)
+    add_graph(watch)
+
+    check = add_command(
+        commands,
+        _check,
+        'what is missing before a connected arm may move',
+        '--robot iiwa7 --rate 100  # before the controller is started',
+        '# beside a running controller',
+    )
+    look = 'how long to observe the graph [s]'
+    robot = "the arm, while no controller runs yet; default: the controller's"
+    option(check, '--duration', 'S', look, 4.0, within=(0.5, 60.0, 's'))
+    option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
+    option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
+    option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
+    option(check, '--states', 'TOPIC', 'topic of the states', 'joint_states', type=topic_name)
+    add_graph(check)
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from redres_ros.paper.claim import check_all, table, write_csv
+    from redres_ros.paper.claims import CLAIMS
+    from redres_ros.paper.figures import draw_all
+    from redres_ros.paper.runs import Runs
+    from redres_ros.simulation.report import progress_bar
+
+    import_module('scipy')  # an extra, asked for before a minute has passed
+    runs = Runs()
+    out = made(options.out, 'claims.csv')
+    with progress_bar('simulations and experiments') as progress:
+        runs.prepare(progress)
+    with progress_bar('figures') as progress:
+        draw_all(out, progress, runs)
+    with progress_bar('claims') as progress:
+        findings = check_all(CLAIMS, runs, progress)
+    write_csv(findings, out / 'claims.csv')
+    print(table(findings))
+    print(f'figures {out}/figure_*.png, table {out}/claims.csv')
+    print(
+        f'simulations with the {runs.model.arm.dynamics} of Section 5.2, '
+        f'experiments with the {runs.experiment_model.arm.dynamics} arm'
+    )
+    return 0
+
+
+def _laws(options: argparse.Namespace) -> int:
+    from redres_ros.laws import LAWS
+    from redres_ros.limits import LIMITS
+    from redres_ros.preferences import PREFERENCES
+    from redres_ros.robots import ARMS
+    from redres_ros.tasks import TASKS
+
+    gains: dict[str, Gain] = {}
+    for table in (LAWS, PREFERENCES, TASKS, LIMITS):
+        print(_HEADS[table.kind])
+        for name, cls in table.items():
+            first, _, _ = (inspect.getdoc(cls) or '').partition('\n\n')
+            _print_entry(name, ' '.join(first.split()))
+        print()
+        gains |= {gain.key: gain for gain in table.gains()}
+    print('gains, --set NAME=VALUE')
+    for key, gain in gains.items():
+        _print_entry(key, f'{gain.parameter.description}; default: {_shown(gain.default)}')
+    print('\nrobots, --robot NAME: arms; or any other from its URDF file')
+    for name, arm in ARMS.items():
+        moved = ''
+        if arm.base_offset or arm.tool_offset:
+            moved = f', base {arm.base_offset:g} m higher, tool of {arm.tool_offset:g} m'
+        _print_entry(name, f'{len(arm.start)} joints, task {arm.task}{moved}')
+    return 0
+
+
+def _print_entry(name: str, text: str) -> None:
+    """A name with its description: wrapped in a terminal, elsewhere in one line for grep."""
+    line = f'{name:<{_NAME_WIDTH - 1}} {text}'
+    if sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
+        line = textwrap.fill(line, max(width, _NARROWEST), subsequent_indent=' ' * _NAME_WIDTH)
+    print(line)
+
+
+def _shown(default: Any) -> str:
+    """A gain's default."""
+    if isinstance(default, float):
+        return f'{default:g}'
+    if isinstance(default, tuple):
+        return f'[{", ".join(map(str, default))}]' if default else 'the start'
+    return f'{default}' or 'none'
+
+
+def _view(options: argparse.Namespace) -> int:
+    from redres_ros.nodes.runtime import joined_domain
+    from redres_ros.view.page import main
+
+    words = ['--ros-args', '-p', f'port:={options.port}']
+    if options.namespace:
+        words += ['-r', f'__ns:=/{options.namespace.lstrip("/")}']
+    with joined_domain(options.domain):
+        return main(['redres view', *words])
+
+
+def _watch(options: argparse.Namespace) -> int:
+    from redres_ros.graph.client import GraphClient
+    from redres_ros.graph.watch import Watch, watch
+    from redres_ros.nodes.runtime import joined_domain, spun
+
+    texts = options.set or []
+    settings = read_settings(texts)
+    with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
+        if settings:
+            client = GraphClient(node, _PATIENCE)
+            present = client.parameters('controller')
+            for name in settings:
+                if name not in present:
+                    raise UnknownNameError('parameter of the controller', name, present)
+            client.set_parameters('controller', settings)
+            print(f'controller: {", ".join(texts)}', flush=True)
+            if options.duration == 0.0:
+                return 0
+        watch(node, options.duration)
+        return 0 if node.values else 1
+
+
+def _check(options: argparse.Namespace) -> int:
+    from redres_ros.loop.cycle_counter import RATES
+    from redres_ros.nodes.runtime import joined_domain, spun
+    from redres_ros.preflight.snapshot import SnapshotNode
+    from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
+
+    if not RATES[0] <= options.rate <= RATES[1]:
+        raise RangeError('rate', options.rate, *RATES, 'Hz')
+    expected = None
+    if options.robot is not None:
+        expected = ExpectedArm(options.robot, options.tip, options.rate)
+    make = partial(SnapshotNode, options.namespace, options.states)
+    with joined_domain(options.domain), spun(make) as node:
+        seen = node.look(options.duration)
+    verdicts = judge(seen, expected)
+    for verdict in verdicts:
+        print(verdict)
+    faults = sum(verdict.level is Level.FAULT for verdict in verdicts)
+    print(f'faults: {faults}; do not move the arm yet' if faults else 'nothing is missing')
+    return 1 if faults else 0
