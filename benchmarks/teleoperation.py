@@ -22,7 +22,7 @@ from peers import Setting, Target, installed
 
 from redres_ros import Controller, RobotModel
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.velocity_input import LoopSettings
 
 T = 0.004  # [s]
 OURS = {'redres_ros': 'components', 'redres_ros, scaling task': 'task'}

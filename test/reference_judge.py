@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from virtual_graph import Graph
 
-from redres_ros.loop.session import COMMANDING
+from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -34,23 +34,14 @@ BURST = 2 * JITTER  # of a period: references that come sooner are for one cycle
 
 
 class Violation(NamedTuple):
-    """A reference that should not have been published.
+    """A reference that should not have been published."""
 
-    Attributes:
-        stamp: Of the state that it is for [ns].
-        mode: Of the controller; empty if it has published none.
-        rule: Which one it breaks.
-        joint: Counted from 0.
-        excess: By which [rad].
-        cycles: Since the reference before.
-    """
-
-    stamp: int
-    mode: str
-    rule: str
+    stamp: int  # of the state that it is for [ns]
+    mode: str  # of the controller; empty if it has published none
+    rule: str  # that it breaks
     joint: int
-    excess: float
-    cycles: int
+    excess: float  # [rad]
+    cycles: int  # since the reference before
 
 
 class ReferenceJudge:
@@ -106,23 +97,13 @@ class ReferenceJudge:
         self.modes.append(word)
 
     def enter_state(self, stamp: int, q: np.ndarray) -> None:
-        """A state of the robot: where a first reference may begin, and what is mirrored.
-
-        Args:
-            stamp: [ns].
-            q: Measured positions, (n,) [rad].
-        """
+        """A state of the robot: where a first reference may begin, and what is mirrored."""
         self._measured[stamp] = q
         if len(self._measured) > REMEMBERED:
             del self._measured[next(iter(self._measured))]
 
     def enter_reference(self, stamp: int, r: np.ndarray) -> None:
-        """Judge a reference.
-
-        Args:
-            stamp: Of the state that it is for [ns].
-            r: Position, (n,) [rad].
-        """
+        """Judge a reference."""
         self.judged += 1
         self.references.append((stamp, r))
         if self.mode == 'inactive':
@@ -177,13 +158,7 @@ class ReferenceJudge:
         return tuple(sorted({max(count, 1) for count in nearest})) if since else ()
 
     def _judge(self, stamp: int, r: np.ndarray, counts: tuple[int, ...]) -> None:
-        """Judge a reference that the robot is to follow.
-
-        Args:
-            stamp: Of the state [ns].
-            r: The reference, (n,) [rad].
-            counts: Cycles since the last one; it has to be well for one of them.
-        """
+        """Judge a reference that the robot is to follow."""
         first, *others = counts
         before = len(self.violations)
         v_T = self._v_T
@@ -267,12 +242,7 @@ class ReferenceJudge:
         return slow, fast, p
 
     def _must_leave(self, p: np.ndarray, v_T: np.ndarray) -> np.ndarray:
-        """Which joints leave their range even if they brake with all of A, (n,).
-
-        Args:
-            p: Where they are, (n,) [rad].
-            v_T: Their velocity, (n,) [rad] a cycle.
-        """
+        """Which joints leave their range even if they brake with all of A, (n,)."""
         cycles = np.floor(np.abs(v_T) / self._change)
         way = cycles * np.abs(v_T) - self._change * cycles * (cycles + 1.0) / 2.0
         stop = p + np.copysign(way, v_T)
@@ -307,15 +277,7 @@ class ReferenceJudge:
 def judge_graph(
     graph: Graph, limits: JointLimits, rate: float, bridging: str, *, dynamic: bool = True
 ) -> ReferenceJudge:
-    """A judge of what is published in a graph from now on.
-
-    Args:
-        graph: With one robot and one controller.
-        limits: Of the arm.
-        rate: Of the robot [Hz].
-        bridging: What the robot does without a reference.
-        dynamic: Whether velocity and acceleration are judged.
-    """
+    """A judge of what is published in a graph from now on."""
     judge = ReferenceJudge(limits, 1.0 / rate, bridging, dynamic=dynamic)
 
     def in_order(message: JointState) -> np.ndarray:

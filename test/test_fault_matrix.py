@@ -279,12 +279,7 @@ AT_AN_END = np.array(
 
 
 def prepared(situation: Situation, run: VirtualRun) -> None:
-    """Bring the arm into a situation, in which the fault then begins.
-
-    Args:
-        situation: Any but starting.
-        run: Has just begun.
-    """
+    """Bring the arm into a situation, in which the fault then begins."""
     run.run(1.5)
     if situation is Situation.HOLDING:
         assert run.graph.call('controller/hold', data=True).success
@@ -302,11 +297,7 @@ def prepared(situation: Situation, run: VirtualRun) -> None:
 
 @contextmanager
 def in_a_situation(situation: Situation) -> Iterator[tuple[VirtualRun, ReferenceJudge]]:
-    """Three nodes, an arm in a situation, and the judge of what is published.
-
-    Args:
-        situation: Any.
-    """
+    """Three nodes, an arm in a situation, and the judge of what is published."""
     loop = {'rate': RATE}
     monitor_time = 60.0 if situation is Situation.MIRRORING else 0.1
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': monitor_time}

@@ -99,12 +99,7 @@ class Arm:
         return self.graph.kept['joint_states'][-1][1].header.stamp
 
     def go(self, velocity: np.ndarray, seconds: float) -> None:
-        """Steer for some time.
-
-        Args:
-            velocity: Of the tip, (3,) [m/s].
-            seconds: For how long [s].
-        """
+        """Steer for some time."""
         self.operator.velocity = velocity
         self.run.run(seconds)
 
@@ -126,14 +121,7 @@ def commanded(
     controller_rate: float = 0.0,
     **controller: Any,
 ) -> Iterator[Arm]:
-    """An arm in command mode that stands still; the robot goes exactly where it is sent.
-
-    Args:
-        start: Its position, (n,) [rad].
-        rate: Of the robot [Hz].
-        controller_rate: What the controller takes for it [Hz]; 0: the same.
-        controller: Other parameters of the controller.
-    """
+    """An arm in command mode that stands still; the robot goes exactly where it is sent."""
     sim = {
         'rate': rate,
         'patience': 0.0,
@@ -152,12 +140,7 @@ def commanded(
 
 
 def offset(joint: int, by: float) -> Fault:
-    """States in which one joint is off.
-
-    Args:
-        joint: Its index.
-        by: By how much [rad].
-    """
+    """States in which one joint is off."""
 
     def fault(message: Any, now: float) -> list[tuple[float, Any]]:
         changed = deepcopy(message)
@@ -240,12 +223,7 @@ def test_deactivated_at_rest_the_controller_is_silent_at_once() -> None:
 
 
 def turn_to_the_end(arm: Arm, seconds: float) -> None:
-    """Steer the tip around the base, so that A1 comes to the end of its range.
-
-    Args:
-        arm: Begins at NEAR_THE_END.
-        seconds: For how long [s].
-    """
+    """Steer the tip around the base, so that A1 comes to the end of its range."""
     model = RobotModel(ARM)
     for _ in range(round(seconds / 0.02)):
         x, _ = model.tip(arm.reference)
@@ -295,13 +273,7 @@ IIWA_FILE = share_path('config/robots/lbr_iiwa7.yaml')
 
 @contextmanager
 def iiwa(directory: Path, habits: Habits | None = None, **changes: str) -> Iterator[Iiwa]:
-    """An iiwa behind ros2_control at 100 Hz, an operator, and the judge of what is published.
-
-    Args:
-        directory: For the file of its parameters.
-        habits: Of the robot.
-        changes: Of the parameters, by name.
-    """
+    """An iiwa behind ros2_control at 100 Hz, an operator, and the judge of what is published."""
     text = IIWA_FILE.read_text()
     for name, value in changes.items():
         text = re.sub(f'{name}: .*', f'{name}: {value}', text)

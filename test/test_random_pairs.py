@@ -37,7 +37,7 @@ LIMIT_SETS = (
     ('position', 'velocity', 'acceleration'),
     ('position', 'velocity', 'acceleration', 'torque'),
 )
-LAWS_IN_USE = tuple(LAWS)
+LAW_NAMES = tuple(LAWS)
 
 
 class Twist(NamedTuple):
@@ -50,26 +50,16 @@ class Twist(NamedTuple):
 
 @dataclass
 class Robot:
-    """Follows its commands; bridges a cycle without a command.
+    """Follows its commands; bridges a cycle without a command."""
 
-    Attributes:
-        q: Where the arm is, (n,) [rad].
-        holds: Whether it stays at the last command; else it goes on, and then ends its session.
-        commanding: Whether it takes commands.
-        newest: Command that came since the last cycle, (n,) [rad].
-        last: Command that came last, (n,) [rad].
-        velocity: (n,) [rad] a cycle.
-        missed: Cycles in a row without a command.
-    """
-
-    q: np.ndarray
+    q: np.ndarray  # where the arm is, (n,) [rad]
     limits: JointLimits
-    holds: bool
+    holds: bool  # stays at the last command; else it goes on, and then ends its session
     commanding: bool = True
-    newest: np.ndarray | None = None
-    last: np.ndarray | None = None
-    missed: int = 0
-    velocity: np.ndarray = field(init=False)
+    newest: np.ndarray | None = None  # command since the last cycle, (n,) [rad]
+    last: np.ndarray | None = None  # command that came last, (n,) [rad]
+    missed: int = 0  # cycles in a row without a command
+    velocity: np.ndarray = field(init=False)  # (n,) [rad] a cycle
 
     def __post_init__(self) -> None:
         self.velocity = np.zeros_like(self.q)
@@ -97,11 +87,7 @@ class Robot:
 
 
 class World:
-    """A robot, its loop, an operator, and what disturbs them.
-
-    Args:
-        seed: Of all that is random.
-    """
+    """A robot, its loop, an operator, and what disturbs them."""
 
     def __init__(self, seed: int) -> None:
         self.chance = np.random.default_rng(seed)
@@ -113,7 +99,7 @@ class World:
         model = RobotModel(arm)
         self.controller = Controller(
             model,
-            LAWS_IN_USE[int(chance.integers(len(LAWS_IN_USE)))],
+            LAW_NAMES[int(chance.integers(len(LAW_NAMES)))],
             self.T,
             switch_time=0.2,
             limits=LIMIT_SETS[0],
@@ -213,12 +199,7 @@ class World:
     # --- what disturbs ---
 
     def disturb(self, one: str, other: str) -> None:
-        """Have two disturbances begin, one a little after the other, and wait until both are over.
-
-        Args:
-            one: A name in DISTURBANCES.
-            other: Another.
-        """
+        """Have two disturbances begin, one after the other, and wait until both are over."""
         chance = self.chance
         for name in (one, other):
             self.disturbances[name] = self.tick + int(chance.geometric(1.0 / 60.0))
@@ -235,7 +216,7 @@ class World:
 
     def switch_law(self) -> None:
         """To any other law."""
-        self.controller.switch_law(LAWS_IN_USE[int(self.chance.integers(len(LAWS_IN_USE)))])
+        self.controller.switch_law(LAW_NAMES[int(self.chance.integers(len(LAW_NAMES)))])
 
     def change_limits(self) -> None:
         """To other ones."""

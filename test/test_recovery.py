@@ -22,7 +22,6 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import (
     PATIENCE,
-    START,
     Observer,
     await_that,
     graph,
@@ -32,10 +31,8 @@ from graph_helpers import (
 from nightly import NIGHTLY
 from std_msgs.msg import String
 
-from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros import load_task
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.robots import find_arm
-from redres_ros.robots.joint_limits import JointLimits
 
 pytestmark = pytest.mark.realtime
 
@@ -162,18 +159,6 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
 class TestStopped:
     """What stops the robot, and lets reset bring it back. These tests share one graph."""
 
-    def test_states_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(self, moving: Graph) -> None:
-        observer = moving.observer
-        set_parameters(observer, 'sim', {'state_loss': 1.0})
-        moving.await_stop('timing')
-        set_parameters(observer, 'sim', {'state_loss': 0.0})
-        for name in ('controller', 'planner'):
-            moving.await_states(name)
-        observer.await_standstill(observer.at)
-        assert observer.reset() < RECOVERY
-        await_going_on(observer)
-        assert moving.lines('sim', 'timing') == 1
-
     def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(
         self, moving: Graph
     ) -> None:
@@ -220,12 +205,6 @@ class TestStopped:
         await_going_on(observer)
 
 
-# --- nodes that are killed ------------------------------------------------------------------------
-
-
-# --- computers that stall -------------------------------------------------------------------------
-
-
 # --- users that misbehave -------------------------------------------------------------------------
 
 GENTLE = (
@@ -245,26 +224,6 @@ BAD = (
     {'no_such': 1},
     {'law': 'minimum_velocity', 'damping': float('inf')},
 )
-
-
-def test_a_law_switched_in_every_tick_keeps_to_the_task_and_the_limits() -> None:
-    model = RobotModel.named('lwr4_paper', dynamics='identified')
-    T = 0.002
-    laws = [make_law(name) for name in LAWS]
-    limits = JointLimits.of(find_arm('lwr4_paper'))
-    controller = Controller(model, laws[0], T, switch_time=0.2)
-    q = START
-    dq_prev = np.zeros(7)
-    for k in range(30_000 if NIGHTLY else 5_000):
-        controller.switch_law(laws[k % len(laws)])
-        dx = 0.1 * np.array((0.0, np.sin(2.0 * np.pi * k * T / 4.0), 0.0))  # to and fro
-        command = controller.update(q, dx)
-        if k * T > 0.2:
-            np.testing.assert_allclose(command.J @ command.dq, dx, atol=1e-9)
-        assert (np.abs(command.dq) < limits.velocity).all()
-        assert (np.abs(command.dq - dq_prev) / T < limits.acceleration).all()
-        q = command.q_ref
-        dq_prev = command.dq
 
 
 # --- what the robot tolerates ---------------------------------------------------------------------

@@ -19,7 +19,7 @@ from redres_ros.files.processes import handled
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import Law
-from redres_ros.loop.session import COMMANDING
+from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE

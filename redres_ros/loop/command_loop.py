@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.command import HOLD, Command
+from redres_ros.command import Command
 from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
@@ -16,12 +16,9 @@ from redres_ros.loop.commands import Commands
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.measurements import Measurements
-from redres_ros.loop.missed_cycles import MissedCycles
-from redres_ros.loop.modes import MOVING_MODES, Conditions, Interlock, Mode, Source, next_mode
-from redres_ros.loop.session import RobotSession
-from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.modes import MOVING_MODES, Conditions, Mode, RobotSession, next_mode
 from redres_ros.loop.twist_buffer import TwistBuffer
-from redres_ros.loop.velocity_input import VelocityInput
+from redres_ros.loop.velocity_input import LoopSettings, VelocityInput
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -40,25 +37,19 @@ _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
 
 
 class Response(NamedTuple):
-    """The published response to a state.
+    """The published response to a state."""
 
-    Attributes:
-        stamp: Of the state.
-        scaling: Fraction of the task velocity that is executed; 0 while none is, because the arm is
-            held, stops or mirrors.
-        q: Measured.
-        cycle: Of the state.
-    """
-
-    stamp: Nanoseconds
+    stamp: Nanoseconds  # of the state
     command: Command
+    # Fraction of the task velocity that is executed; 0 while none is, because the arm is held,
+    # stops or mirrors.
     scaling: float
-    q: JointPositions
-    cycle: int
+    q: JointPositions  # measured
+    cycle: int  # of the state
 
 
 class _State(NamedTuple):
-    """A state that has no response yet, and when it came."""
+    """A state, and when it came."""
 
     stamp: Nanoseconds
     cycle: int
@@ -85,28 +76,28 @@ class CommandLoop:
         settings = settings or LoopSettings()
         contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
         self._controller = controller
+        self._holds = controller.robot_interface.holds  # the robot does, without a command
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
         self._session = RobotSession(settings.lockstep)
         self.input = VelocityInput(controller, self._cycles, settings)
         self.measurements = Measurements(controller, contact, self._cycles)
         self.faults = FaultMonitor(controller)
-        self._missed = MissedCycles(controller)
         self._commands = Commands(controller, self.faults, self.input, self.measurements)
         self.safety_filter = self._commands.safety_filter
         self.mode = Mode.HOLDING
-        self.silence = ''  # after which the arm started again from the last state
         self.responses = 0  # to states
         self.skipped = 0  # cycles whose state did not come
         self.newest_response: Response | None = None
+        self._silence = ''  # after which the arm started again from the last state
         self._newest: _State | None = None  # that was believed
-        self._waiting: _State | None = None
+        self._waiting: _State | None = None  # that has no response yet
         self._expecting = settings.lockstep  # that velocities go on to come
         self._active = True
         self._held = False  # by request
+        self._yields_alone = False  # it moves only as measurements ask
         self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
-        interface = controller.robot_interface
-        if not (interface.holds or settings.lockstep):
-            controller.longest_gap = interface.restart_after + 1
+        if not (self._holds or settings.lockstep):
+            controller.longest_gap = controller.robot_interface.restart_after + 1
 
     # --- what others ask for ----------------------------------------------------------------------
 
@@ -149,7 +140,7 @@ class CommandLoop:
         """The irregularity at the last state; empty if there was none."""
         if self.safety_filter.reason:
             return f'the safety filter acts: {self.safety_filter.reason}'
-        return self.silence or self.measurements.problem
+        return self._silence or self.measurements.problem
 
     def hold(self, held: bool) -> None:
         """Decelerate to rest and hold, or resume, which clears a fault."""
@@ -204,7 +195,7 @@ class CommandLoop:
                 'the arm yields to the force that a tare would change at once: hold it, or set '
                 'admittance.enabled to false first'
             )
-        self.measurements.tare()
+        self.measurements.contact.sensor.tare()
 
     # --- states and task velocities ---------------------------------------------------------------
 
@@ -232,11 +223,10 @@ class CommandLoop:
         if cycles == 0:
             if stamp_before:
                 self._session.begin(stamp)
-            published = self._controller.published
-            has_stayed = published is not None and self._has_stayed(q, clock_step)
+            held = self._held_reference(q, clock_step)
             self._begin_anew()
-            if published is not None and has_stayed:
-                self._controller.hold_at(published.q)
+            if held is not None:
+                self._controller.hold_at(held)
         elif self._newest and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
             seconds = (self._cycles.number - self._newest.cycle) * self._controller.T
             self.faults.check_leap(q, self._newest.q, seconds)
@@ -258,16 +248,19 @@ class CommandLoop:
             )
         return self.respond_if_due(now) if self._waiting else self.newest_response
 
-    def _has_stayed(self, q: JointPositions, clock_step: Seconds) -> bool:
-        """Whether an arm was silent for long, but is where its last reference holds it.
+    def _held_reference(self, q: JointPositions, clock_step: Seconds) -> JointPositions | None:
+        """The last reference, if an arm that was silent for long is where that holds it.
 
         Args:
             q: Measured.
             clock_step: Step of the robot's clock against this computer's; large for another robot.
         """
-        holds = self._controller.robot_interface.holds and self.mode in MOVING_MODES
-        holds = holds or self.mode is Mode.HOLDING
-        return holds and abs(clock_step) < _CLOCK_STEP and not self.faults.is_away(q)
+        published = self._controller.published
+        is_held = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
+        is_another = abs(clock_step) >= _CLOCK_STEP
+        if published is None or not is_held or is_another or self.faults.is_away(q):
+            return None
+        return published.q
 
     def _begin_anew(self) -> None:
         """Reset the published references: the robot is another one, or was restarted."""
@@ -282,7 +275,7 @@ class CommandLoop:
 
     def note_sent(self, now: Seconds) -> None:
         """The newest response is on its way."""
-        self._missed.sent = now
+        self._commands.sent = now
 
     def enter_twist(
         self, stamp: Nanoseconds, dx: TaskVelocity, now: Seconds, time_of_day: Nanoseconds = 0
@@ -329,8 +322,8 @@ class CommandLoop:
 
     def _prepare(self, buffer: TwistBuffer) -> None:
         """Compute ahead what the next response needs, while nobody waits for it."""
-        follows = self.mode is Mode.MOVING and self._commands.source is Source.INPUT
-        if follows and not self.measurements.yields:
+        follows = self.mode is Mode.MOVING and self._commands.approach is None
+        if follows and not (self._yields_alone or self.measurements.yields):
             dx = buffer.prepare(self._cycles.number + 1)
             if dx is not None:
                 self._controller.prepare(dx)
@@ -340,7 +333,7 @@ class CommandLoop:
         state = self._waiting
         if state is None:
             return None
-        known = self.input.buffer.has(state.cycle)
+        known = self.input.buffer.known_until >= state.cycle
         if not known:
             awaits = self._expecting and not self._held
             if self.input.settings.lockstep:
@@ -362,22 +355,21 @@ class CommandLoop:
         dx = self.input.buffer.play(state.cycle)
         self._measure(state, missed)
         self._watch(state, dx, stale, missed)
-        interlock = self._interlock(state, stale)
-        self._change_mode(state, dx, stale, interlock)
+        blocked = self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
-        if stale and (self.mode is Mode.HOLDING or self._commands.source is Source.MEASUREMENTS):
+        if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))
         try:
             command = self._command(state, dx, missed)
         except RedresError as error:
             self.faults.set(str(error))
-            interlock = Interlock.FAULT
+            blocked = True
             self.mode = Mode.STOPPING
             self.measurements.restart()
             command = self._commands.brake(state.q, missed)
-        follows = interlock is None and self._commands.approach is None
+        follows = not (blocked or stale or self._commands.approach)
         if not follows or command.s >= _LITTLE:
             self._slow_since = 0
         elif not self._slow_since:
@@ -387,36 +379,33 @@ class CommandLoop:
 
     def _count_missed(self, state: _State) -> Cycles:
         """The cycles without a command that count; after a long silence the arm is at rest."""
-        self.silence = ''
+        self._silence = ''
         last = self.newest_response
-        interface = self._controller.robot_interface
         moves = self.mode in MOVING_MODES
-        if moves and interface.bridging == HOLD and self._is_late(state):
-            self._controller.go_on_from(self._commands.before)
+        if moves and self._holds:
+            self._commands.drop_late(min(state.arrived, self._cycles.earliest_arrival))
         published = self._controller.published
         if last is None or published is None:
             return 0
         missed = max(state.cycle - last.cycle - 1, 0)
         self.skipped += missed
-        if missed <= interface.restart_after:
-            self._missed.count(missed, state.cycle)
+        allowed = self._controller.robot_interface.restart_after
+        if missed <= allowed:
+            if missed or self._commands.interval > 1:
+                self._commands.allow_for_interval(missed, state.cycle)
             return missed
-        if self._missed.explain(state.q - last.q, missed, published):
+        if self._commands.still_moves(state.q - last.q, missed, published):
             return missed
         if moves:
-            place = 'the last reference' if interface.holds else 'the measured position'
-            self.silence = (
-                f'no state came in {missed} cycles, allowed {interface.restart_after}: the arm '
-                f'goes on from {place}, at rest'
+            place = 'the last reference' if self._holds else 'the measured position'
+            self._silence = (
+                f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
+                f'{place}, at rest'
             )
             self._commands.end_approach()
-            self._controller.hold_at(published.q if interface.holds else state.q)
+            self._controller.hold_at(published.q if self._holds else state.q)
             self.mode = Mode.HOLDING
         return 0
-
-    def _is_late(self, state: _State) -> bool:
-        """Whether the last response reached the robot only after this state."""
-        return self._missed.is_late(min(state.arrived, self._cycles.earliest_arrival))
 
     def _measure(self, state: _State, missed: Cycles) -> None:
         """Update measurements beside positions; they restart while motion is blocked."""
@@ -431,47 +420,37 @@ class CommandLoop:
 
     def _watch(self, state: _State, dx: TaskVelocity, stale: bool, missed: Cycles) -> None:
         """Notice faults, and that one is over."""
-        commands = self._commands
+        approach = self._commands.approach
         asks = not stale and largest(dx) > _NO_TASK
-        asks = asks or (commands.source is Source.MEASUREMENTS and self.measurements.asks)
+        asks = asks or (self._yields_alone and self.measurements.asks)
         self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
-        if commands.approach is not None and commands.approach.is_probe:
-            if commands.approach.has_failed:
+        if approach is not None and approach.is_probe:
+            if approach.left <= 0.0:
                 self.faults.set_not_executing()
         elif self.mode in MOVING_MODES and not self.faults.reason:
             self.faults.watch(state.q, missed + 1)
 
-    def _interlock(self, state: _State, stale: bool) -> Interlock | None:
-        """What blocks motion, the first of all; a fault does not once its motion was given up."""
-        if not (self.faults.executes and self._session.commanding_at(state.stamp)):
-            return Interlock.SESSION
-        if not self._active:
-            return Interlock.INACTIVE
-        if self._held:
-            return Interlock.HOLD
-        if self.faults.reason and not self.faults.released:
-            return Interlock.FAULT
-        if self._cycles.rate_error:
-            return Interlock.RATE
-        return Interlock.SILENCE if stale else None
+    def _change_mode(self, state: _State, dx: TaskVelocity, stale: bool) -> bool:
+        """Switch to the mode of this state; returns whether more than silence blocks motion.
 
-    def _change_mode(
-        self, state: _State, dx: TaskVelocity, stale: bool, interlock: Interlock | None
-    ) -> None:
-        """Switch to the mode of this state."""
-        commands = self._commands
+        A fault does until its motion is given up.
+        """
+        commandable = self.faults.executes and self._session.commanding_at(state.stamp)
+        has_fault = bool(self.faults.reason) and not self.faults.released
+        is_ready = commandable and self._active and not (self._held or has_fault)
+        blocked = not is_ready or bool(self._cycles.rate_error)
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
-        allowed = interlock is None
+        allowed = not (blocked or stale)
         asked = allowed and (largest(dx) > 0.0 or self.faults.is_probing)
-        yields = commands.source is Source.MEASUREMENTS or self.measurements.asks
-        if yields and interlock in (None, Interlock.SILENCE) and self._may_yield(stale):
+        yields = self._yields_alone or self.measurements.asks
+        if yields and not blocked and self._may_yield(stale):
             allowed = True
             asked = asked or self.measurements.asks
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or fastest > 0.0,
-            commandable=interlock is not Interlock.SESSION,
+            commandable=commandable,
             motion_allowed=allowed,
             motion_asked=asked,
             at_rest=not asked and fastest <= _AT_REST,
@@ -480,18 +459,16 @@ class CommandLoop:
         self.mode = next_mode(before, conditions)
         if self.mode is not before:
             self._begin_mode(state, before)
-        if commands.approach is None:
-            follows_measurements = stale and self.mode is Mode.MOVING
-            commands.source = Source.MEASUREMENTS if follows_measurements else Source.INPUT
+        approaches = self._commands.approach is not None
+        self._yields_alone = stale and self.mode is Mode.MOVING and not approaches
+        return blocked
 
     def _may_yield(self, stale: bool) -> bool:
         """Whether an arm follows what is measured, and comes to rest after it by itself."""
         if self.faults.reason:
             return False
-        if self._commands.source is Source.MEASUREMENTS:
-            return True
         interrupted = stale and self.mode is Mode.MOVING  # it brakes first
-        return self.measurements.contact.retreats or not interrupted
+        return self._yields_alone or not interrupted or self.measurements.contact.retreats
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         """What the mode of this state begins with."""

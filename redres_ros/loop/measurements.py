@@ -2,11 +2,8 @@
 for.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from redres_ros.command import Command
 from redres_ros.contact import BASE, ContactControl
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
@@ -17,7 +14,6 @@ from redres_ros.types import (
     JointPositions,
     Nanoseconds,
     Seconds,
-    TaskVelocity,
     Wrench,
     check_finite,
 )
@@ -27,13 +23,6 @@ _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that a
 
 class MeasurementAgeError(RedresError):
     """A measurement whose stamp is too far from the robot's clock."""
-
-
-class _Measurement(NamedTuple):
-    """A value as it came, and the time of the loop by then."""
-
-    value: np.ndarray
-    time: Seconds
 
 
 class Measurements:
@@ -52,13 +41,13 @@ class Measurements:
         self.yields = False
         self._controller = controller
         self._cycles = cycles
-        self._values: dict[str, _Measurement] = {}
+        # By name, each with the time of the loop at which it came [s].
+        self._values: dict[str, tuple[np.ndarray, Seconds]] = {}
         self._links = {'': '', BASE: controller.model.base_frame}  # by the name of a frame
         self._time = 0.0  # [s] of the loop
         self._asked = -np.inf  # when motion was last asked for [s]
         self._usable = 0.0  # when there was a usable wrench last, or none was needed [s]
         self._is_idle = True  # nothing was measured, and nothing is to yield
-        self._dx = np.zeros(0)  # task velocity of the last tick without the part of contact
 
     @property
     def problem(self) -> str:
@@ -66,10 +55,6 @@ class Measurements:
         if self._time - self._usable <= _PAUSE:  # the first wrench may be on its way
             return self.contact.warning
         return self.contact.sensor.problem
-
-    def tare(self) -> None:
-        """Take the measured wrench for the sensor's bias. Raises TareError."""
-        self.contact.sensor.tare()
 
     def enter_wrench(
         self, stamp: Nanoseconds, wrench: Wrench, frame: str, time_of_day: Nanoseconds = 0
@@ -110,7 +95,7 @@ class Measurements:
         self._check_age(name, stamp, time_of_day)
         self._is_idle = False
         check_finite(value, name)
-        self._values[name] = _Measurement(value, self._time)
+        self._values[name] = value, self._time
 
     def _check_age(self, name: str, stamp: Nanoseconds, time_of_day: Nanoseconds) -> None:
         """Raise MeasurementAgeError for a stamp too far from the robot's clock."""
@@ -145,11 +130,11 @@ class Measurements:
             return
         timeout = self.contact.settings.wrench_timeout
         self._controller.measurements = {
-            name: measurement.value
-            for name, measurement in self._values.items()
-            if self._time - measurement.time <= timeout
+            name: value
+            for name, (value, time) in self._values.items()
+            if self._time - time <= timeout
         }
-        state = self._state(q)
+        state = self.state(q)
         asks = False
         if self.yields:
             asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
@@ -157,19 +142,6 @@ class Measurements:
         if asks:
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE
-
-    def velocity(self, dx: TaskVelocity, q: JointPositions, missed: Cycles) -> TaskVelocity:
-        """The task velocity with the part of contact, while that yields.
-
-        Raises:
-            ContactError: The arm is to hold.
-        """
-        self._dx = dx
-        return self.contact.velocity(dx, self._state(q), missed)
-
-    def record(self, command: Command) -> None:
-        """Record what was executed of the last velocity()."""
-        self.contact.record(command, self._dx)
 
     def restart(self) -> None:
         """Restart from rest: nothing asks for motion."""
@@ -179,7 +151,8 @@ class Measurements:
         self._asked = -np.inf
         self.asks = False
 
-    def _state(self, q: JointPositions) -> RobotState:
+    def state(self, q: JointPositions) -> RobotState:
+        """An arm measured at q, with these measurements."""
         rest = np.zeros(len(q))
         tick = TickContext(self._controller.measurements)
         return RobotState(self._controller.model, q, rest, rest, tick)

@@ -1,4 +1,4 @@
-"""The modes of the controller, what blocks motion, and the one table of transitions.
+"""The modes of the controller, the one table of transitions, and the robot's session.
 
 | mode | publishes |
 |---|---|
@@ -11,6 +11,14 @@
 
 from enum import Enum
 from typing import NamedTuple
+
+from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.types import Nanoseconds
+
+# Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
+
+_PATIENCE = 5 * NANOSECONDS  # for a new robot's session state; DDS may take 3 s
 
 
 class Mode(Enum):
@@ -26,33 +34,13 @@ class Mode(Enum):
 MOVING_MODES = (Mode.MOVING, Mode.STOPPING)  # in which references change
 
 
-class Source(Enum):
-    """What a moving arm follows."""
-
-    INPUT = 'task or joint velocities'
-    MEASUREMENTS = 'what is measured: it yields'
-    APPROACH = 'the way to where it was measured'
-    PROBE = 'a small step that shows whether the robot executes commands'
-
-
-class Interlock(Enum):
-    """What blocks motion, the first one first."""
-
-    SESSION = 'the robot takes no commands'
-    INACTIVE = 'the controller is inactive'
-    HOLD = 'it is asked to hold'
-    RATE = 'the robot has another rate'
-    FAULT = 'a fault'
-    SILENCE = 'no task velocity'
-
-
 class Conditions(NamedTuple):
     """The conditions of transitions, at one state of the robot.
 
     Attributes:
         active: The controller is active, or not at rest yet.
         commandable: The robot takes commands.
-        motion_allowed: No interlock blocks motion.
+        motion_allowed: Nothing blocks motion.
         motion_asked: Motion is allowed, and something asks for it.
         at_rest: The reference has come to rest, and nothing asks for motion.
     """
@@ -64,35 +52,27 @@ class Conditions(NamedTuple):
     at_rest: bool
 
 
-class _Transition(NamedTuple):
-    """A transition under a condition."""
-
-    condition: str
-    value: bool
-    mode: Mode
-
-
-# In each mode the first transition that applies counts.
-_TRANSITIONS: dict[Mode, tuple[_Transition, ...]] = {
-    Mode.INACTIVE: (_Transition('active', True, Mode.HOLDING),),
+# In each mode the first transition counts whose condition has that value.
+_TRANSITIONS: dict[Mode, tuple[tuple[str, bool, Mode], ...]] = {
+    Mode.INACTIVE: (('active', True, Mode.HOLDING),),
     Mode.MIRRORING: (
-        _Transition('active', False, Mode.INACTIVE),
-        _Transition('commandable', True, Mode.HOLDING),
+        ('active', False, Mode.INACTIVE),
+        ('commandable', True, Mode.HOLDING),
     ),
     Mode.HOLDING: (
-        _Transition('active', False, Mode.INACTIVE),
-        _Transition('commandable', False, Mode.MIRRORING),
-        _Transition('motion_asked', True, Mode.MOVING),
+        ('active', False, Mode.INACTIVE),
+        ('commandable', False, Mode.MIRRORING),
+        ('motion_asked', True, Mode.MOVING),
     ),
     Mode.MOVING: (
-        _Transition('commandable', False, Mode.MIRRORING),
-        _Transition('at_rest', True, Mode.HOLDING),
-        _Transition('motion_allowed', False, Mode.STOPPING),
+        ('commandable', False, Mode.MIRRORING),
+        ('at_rest', True, Mode.HOLDING),
+        ('motion_allowed', False, Mode.STOPPING),
     ),
     Mode.STOPPING: (
-        _Transition('commandable', False, Mode.MIRRORING),
-        _Transition('at_rest', True, Mode.HOLDING),
-        _Transition('motion_asked', True, Mode.MOVING),
+        ('commandable', False, Mode.MIRRORING),
+        ('at_rest', True, Mode.HOLDING),
+        ('motion_asked', True, Mode.MOVING),
     ),
 }
 
@@ -107,3 +87,35 @@ def next_mode(mode: Mode, conditions: Conditions) -> Mode:
         else:
             return mode
     return mode
+
+
+class RobotSession:
+    """The session state of the robot. A robot without a session takes commands.
+
+    Args:
+        lockstep: Then the first command begins command mode, so the tick in which the news of that
+            arrives must not matter.
+    """
+
+    def __init__(self, lockstep: bool) -> None:
+        self.is_connected = True  # whether commands reach it at all
+        self._commanding = True
+        self._undecided = lockstep  # until command mode has begun
+        self._is_known = False
+        self._awaited_until = 0  # stamp [ns] until which a new robot may publish it
+
+    def enter(self, state: str) -> None:
+        """Record the name of a session state."""
+        self._is_known = True
+        self._awaited_until = 0
+        self._undecided = self._undecided and state not in COMMANDING
+        self._commanding = state in COMMANDING or self._undecided
+
+    def begin(self, stamp: Nanoseconds) -> None:
+        """Expect another robot from a stamp on; the state of the last one does not hold."""
+        if self._is_known:
+            self._awaited_until = stamp + _PATIENCE
+
+    def commanding_at(self, stamp: Nanoseconds) -> bool:
+        """Whether the robot takes commands at a stamp."""
+        return self.is_connected and self._commanding and stamp >= self._awaited_until

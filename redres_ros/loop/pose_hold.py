@@ -9,7 +9,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.twist_buffer import ANGULAR_ACCELERATION, LINEAR_ACCELERATION
 from redres_ros.robot_model import RobotState
 from redres_ros.tasks import Pose
 from redres_ros.types import TaskVelocity
@@ -25,11 +25,11 @@ _FASTEST = {'translation': 0.25, 'rotation': 1.0}
 class PoseHold:
     """Adds to a twist what holds the component that it does not ask for."""
 
-    def __init__(self, controller: Controller, settings: LoopSettings) -> None:
+    def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._steps = {
-            'translation': settings.max_linear_acceleration * controller.T,
-            'rotation': settings.max_angular_acceleration * controller.T,
+            'translation': LINEAR_ACCELERATION * controller.T,
+            'rotation': ANGULAR_ACCELERATION * controller.T,
         }
         self.clear()
 

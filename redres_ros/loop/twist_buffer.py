@@ -12,8 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.loop.settings import LoopSettings
 from redres_ros.types import Cycles, JointAccelerations, Seconds, TaskVelocity
+
+# With which a sudden task velocity is approached.
+LINEAR_ACCELERATION = 2.0  # [m/s^2]
+ANGULAR_ACCELERATION = 6.0  # [rad/s^2]
 
 _DENSE = 2  # cycles now and then between two task velocities of a source that sends one a cycle
 _RECENT = 4  # intervals by which that is judged
@@ -30,20 +33,13 @@ class _Twist(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """A linear prediction from a known task velocity.
-
-    Attributes:
-        slope: Change a cycle.
-        until: Cycle after which the line is level.
-        guessed: Nothing newer was known.
-        dense: Its source sends one a cycle.
-    """
+    """A linear prediction from a known task velocity."""
 
     start: _Twist
-    slope: TaskVelocity
-    until: int
-    guessed: bool
-    dense: bool
+    slope: TaskVelocity  # change a cycle
+    until: int  # cycle after which the line is level
+    guessed: bool  # nothing newer was known
+    dense: bool  # its source sends one a cycle
 
     def at(self, cycle: int) -> TaskVelocity:
         """The task velocity of a cycle."""
@@ -52,27 +48,19 @@ class _Line(NamedTuple):
 
 
 class _Output(NamedTuple):
-    """The task velocity of a cycle.
-
-    Attributes:
-        target: Of the line.
-        guesses: Cycles in a row that were not known.
-        residual: What is added to the target, and fades out.
-        left: Cycles until it has.
-        dx: What the arm is to follow.
-    """
+    """The task velocity of a cycle."""
 
     cycle: int
     line: _Line
-    target: TaskVelocity
-    guesses: int
-    residual: TaskVelocity
-    left: int
-    dx: TaskVelocity
+    target: TaskVelocity  # of the line
+    guesses: int  # cycles in a row that were not known
+    residual: TaskVelocity  # what is added to the target, and fades out
+    left: int  # cycles until it has
+    dx: TaskVelocity  # what the arm is to follow
 
 
 class TwistBuffer:
-    """Returns the task velocity of the state `twist_lag` cycles ago.
+    """Returns the task velocity of the state `lag` cycles ago.
 
     One that is missing is extrapolated from the last two, and held after a few cycles; it counts as
     missing if its source sends one a cycle. Whatever the velocity jumps by is added back, and fades
@@ -83,20 +71,26 @@ class TwistBuffer:
     Args:
         rows: Rows of a task velocity: 3, or 6 with the angular part below.
         accelerations: Of each row by itself, instead of a linear and an angular one.
+
+    Attributes:
+        newest: Cycle of the newest task velocity; -inf without one.
+        known_until: Cycle up to which play() need not guess.
+        missing: Cycles in which one was missing.
+        late: Task velocities that came after the cycle in which they were to act.
     """
 
     def __init__(
         self,
         rows: int,
         T: Seconds,
-        settings: LoopSettings,
+        lag: Cycles,
         accelerations: JointAccelerations | None = None,
     ) -> None:
-        self.missing = 0  # cycles in which one was missing
-        self.late = 0  # task velocities that came after the cycle in which they were to act
-        self._lag = 0 if settings.lockstep else settings.twist_lag
-        self._linear_step = settings.max_linear_acceleration * T  # [m/s] a cycle
-        self._angular_step = settings.max_angular_acceleration * T  # [rad/s] a cycle
+        self.missing = 0
+        self.late = 0
+        self._lag = lag
+        self._linear_step = LINEAR_ACCELERATION * T  # [m/s] a cycle
+        self._angular_step = ANGULAR_ACCELERATION * T  # [rad/s] a cycle
         self._steps = None if accelerations is None else accelerations * T  # (m,) a cycle
         self._rest = np.zeros(rows)
         self._played = 0  # cycle that was played last
@@ -104,6 +98,8 @@ class TwistBuffer:
 
     def clear(self) -> None:
         """Clear the buffer: the next task velocity is approached from rest."""
+        self.newest = -math.inf
+        self.known_until = -math.inf
         self._twists: list[_Twist] = []
         line = _Line(_Twist(-1, self._rest), self._rest, -1, guessed=True, dense=False)
         self._last = _Output(self._played, line, self._rest, 0, self._rest, 0, self._rest)
@@ -121,18 +117,12 @@ class TwistBuffer:
             insort(twists, _Twist(cycle, dx), key=attrgetter('cycle'))
         if len(twists) > self._lag + _KEPT:
             del twists[0]
-
-    def has(self, cycle: int) -> bool:
-        """Whether the task velocity for a cycle is known."""
-        return bool(self._twists) and self._twists[-1].cycle >= cycle - self._lag
-
-    def age(self, cycle: int) -> float:
-        """Cycles since the state of the newest task velocity; infinite when there is none."""
-        return cycle - self._twists[-1].cycle if self._twists else math.inf
+        self.newest = twists[-1].cycle
+        self.known_until = self.newest + self._lag
 
     def prepare(self, cycle: int) -> TaskVelocity | None:
         """What play() will return, if it is known already; else None."""
-        if self._twists[-1].cycle != cycle - self._lag:
+        if self.known_until != cycle:
             return None
         self._ahead = self._advanced(cycle)
         return self._ahead.dx

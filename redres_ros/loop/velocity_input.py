@@ -1,20 +1,59 @@
-"""Incoming task and joint velocities: age, speed, and the kind in use."""
+"""Incoming task and joint velocities: their parameters, age, speed, and the kind in use."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
-from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer
+from redres_ros.parameter import check_parameters, param
+from redres_ros.policy import SCALING
 from redres_ros.types import JointVelocities, Nanoseconds, Seconds, TaskVelocity
+
+AUTO = 'auto'
 
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
 # what was queued while the process slept is recognised only by its arrival.
 _QUEUED = 0.05  # [s] after a gap of all input, in which messages without a stamp may be old
 _ROUNDING = 1e-9  # of a limit
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """When the controller follows, waits or holds, and how it buffers task velocities.
+
+    Raises RangeError or UnknownNameError for a value that is not allowed.
+    """
+
+    command_timeout: float = param(
+        0.1, 'age at which a cartesian_velocity counts as stale [s]', 0.001, 10.0, live=True
+    )
+    max_linear: float = param(
+        2.0, 'largest linear task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
+    )
+    max_angular: float = param(
+        6.0, 'the same for the angular task velocity [rad/s]', 0.001, 100.0, live=True
+    )
+    twist_lag: int = param(
+        1, 'cycles after its state at which a task velocity acts; in lock-step 0', 0, 100
+    )
+    scaling: str = param(
+        AUTO,
+        'what limits scale: the task velocity as a whole, or its components, translation and '
+        'rotation; auto: the components of a velocity that is not computed from a state, as that '
+        'of teleoperation',
+        choices=(AUTO, *SCALING),
+        live=True,
+    )
+    lockstep: bool = param(
+        False, 'respond to a state only together with the cartesian_velocity of the same stamp'
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
 
 
 class TwistSpeedError(RedresError):
@@ -32,6 +71,12 @@ class VelocityInput:
         controller: Switches to the kind that is in use.
         cycles: The robot's clock.
         settings: Can be replaced at any time.
+
+    Attributes:
+        buffer: The one in use: of_task or of_joints.
+        is_of_joints: Velocities of all joints are in use.
+        is_open_loop: The newest velocity is of the task and was not computed from a state:
+            teleoperation.
     """
 
     def __init__(
@@ -39,11 +84,12 @@ class VelocityInput:
     ) -> None:
         model = controller.model
         A = np.array(model.arm.acceleration_limit or (math.inf,) * model.n)
+        lag = 0 if settings.lockstep else settings.twist_lag
         self.settings = settings
-        self.of_task = TwistBuffer(controller.m, controller.T, settings)
-        self.of_joints = TwistBuffer(model.n, controller.T, settings, A)
-        self.buffer = self.of_task  # the one in use
-        # The newest one is of the task and was not computed from a state: teleoperation.
+        self.of_task = TwistBuffer(controller.m, controller.T, lag)
+        self.of_joints = TwistBuffer(model.n, controller.T, lag, A)
+        self.buffer = self.of_task
+        self.is_of_joints = False
         self.is_open_loop = False
         self._controller = controller
         self._cycles = cycles
@@ -51,11 +97,6 @@ class VelocityInput:
         self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
         self._last_input = 0.0  # when any input came last [s]
         self._woke = -math.inf  # when input came again after a gap [s]
-
-    @property
-    def is_of_joints(self) -> bool:
-        """Whether velocities of all joints are in use."""
-        return self.buffer is self.of_joints
 
     def note_input(self, now: Seconds) -> None:
         """Record the monotonic time of any input: in a gap of all input the process may have
@@ -118,6 +159,7 @@ class VelocityInput:
         if buffer is not self.buffer:
             buffer.clear()
             self.buffer = buffer
+            self.is_of_joints = buffer is self.of_joints
             self._controller.follow_joints(self.is_of_joints)
         of_a_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
@@ -156,5 +198,5 @@ class VelocityInput:
         arrival on the robot's clock; on ours if it is of no state.
         """
         timeout = self.settings.command_timeout
-        cycles = max(self.buffer.age(cycle), cycle - self._cycle)
+        cycles = cycle - min(self.buffer.newest, self._cycle)
         return cycles * self._controller.T > timeout or now - self._time > timeout

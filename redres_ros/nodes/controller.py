@@ -19,7 +19,7 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
-from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.velocity_input import LoopSettings
 from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (

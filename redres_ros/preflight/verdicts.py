@@ -12,7 +12,7 @@ import numpy as np
 from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
-from redres_ros.loop.session import COMMANDING
+from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 from redres_ros.nodes.topics import MODE, REASON, SESSION
 from redres_ros.preflight.snapshot import (

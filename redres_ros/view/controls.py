@@ -9,7 +9,7 @@ from redres_ros.fake_robot.faults import Faults
 from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
-from redres_ros.loop.settings import AUTO
+from redres_ros.loop.velocity_input import AUTO
 from redres_ros.nodes.parameters import NONE, named
 from redres_ros.parameter import parameters
 from redres_ros.policy import SCALING
