@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from redres_ros import Case, Effort, Result, batch
-from redres_ros.files.yaml import read_yaml
+from redres_ros.files.text import read_yaml
 from redres_ros.simulation.report import progress_bar
 
 

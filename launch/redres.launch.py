@@ -15,7 +15,7 @@ from launch_ros.actions import Node
 
 from redres_ros.errors import FileError, RedresError
 from redres_ros.files.installation import share_path
-from redres_ros.files.yaml import read_yaml
+from redres_ros.files.text import read_yaml
 from redres_ros.robots import choose_arm
 from redres_ros.robots.urdf import Urdf
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -106,6 +105,9 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
     expected = run(controller, load_task(short_task), delay=1).data
     got = motion(lockstep)
     assert len(got) == len(expected)
+    np.testing.assert_allclose(got[:, 0], PERIOD * np.arange(len(got)), atol=1e-9)
+    counts = {'in_time': len(got), 'waited_for': 0, 'late': 0, 'missed': 0, 'stood_still': 0.0}
+    assert summary(lockstep)['cycles'] == counts
     # The first state finds the arm at rest; the motion begins with the second.
     np.testing.assert_allclose(got[1:, JOINTS], expected[:-1, JOINTS], rtol=0.0, atol=1e-9)
 
@@ -121,13 +123,6 @@ def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> N
     depth = 0.5403 - column(rows, 'z')[slides]
     # 20 N on 10 kN/m; 0.2 mm: ripple, and servos of 100 rad/s that give way
     assert depth == pytest.approx(np.full(depth.size, 2e-3), abs=2e-4)
-
-
-def test_lockstep_commands_every_state_and_records_every_command(lockstep: Path) -> None:
-    rows = motion(lockstep)
-    np.testing.assert_allclose(rows[:, 0], PERIOD * np.arange(len(rows)), atol=1e-9)
-    counts = {'in_time': len(rows), 'waited_for': 0, 'late': 0, 'missed': 0, 'stood_still': 0.0}
-    assert summary(lockstep)['cycles'] == counts
 
 
 @pytest.mark.parametrize(
@@ -185,41 +180,6 @@ def test_the_task_is_finished_in_real_time(real_time: tuple[Path, str]) -> None:
 
 
 @pytest.mark.realtime
-def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
-    real_time: tuple[Path, str],
-) -> None:
-    out, printed = real_time
-    rows = motion(out)
-    figures = summary(out)['motion']
-    names = {
-        'error': 'task_error',
-        'acceleration': 'joint_acceleration_norm',
-        'velocity': 'joint_velocity_norm',
-        'torque': 'joint_torque_norm',
-    }
-    for figure, name in names.items():
-        at = int(np.argmax(column(rows, name)))
-        assert figures[figure] == pytest.approx([column(rows, name)[at], rows[at, 0]])
-    lines = dict(re.findall(r'^ *(\S.*?) {2,}(\S.*?) *$', printed, re.MULTILINE))
-    error, at = figures['path_deviation']
-    assert lines['maximum path deviation'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
-    acceleration, at = figures['acceleration']
-    assert lines['maximum joint acceleration'] == (
-        f'{acceleration:.3f} rad/s² (norm) at {at:.3f} s'
-    )
-
-
-@pytest.mark.nightly
-def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
-    options = ('--law', 'minimum_velocity', '--limits', 'none')
-    done = demo(tmp_path, *IN_LOCKSTEP, '--composed', *options)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert 'protective stop' in summary(tmp_path)['stop_reason']
-    assert summary(tmp_path)['task'] == 'NOT finished'
-    assert 7.0 < motion(tmp_path)[-1, 0] < 8.5
-
-
-@pytest.mark.realtime
 def test_a_law_switched_on_the_way_is_blended_and_marked(real_time: tuple[Path, str]) -> None:
     out, _ = real_time
     first, second = LAWS_ON_THE_WAY
@@ -274,10 +234,15 @@ def running(out: Path, *arguments: str) -> tuple[subprocess.Popen[str], list[int
     return process, descendants(process.pid)
 
 
-def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    'number', [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)]
+)
+def test_a_signal_prints_what_was_reached_and_leaves_no_process(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     process, children = running(tmp_path)
     assert len(children) >= 3
-    os.killpg(process.pid, signal.SIGINT)
+    process.send_signal(number)
     printed, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert 'Traceback' not in errors
@@ -289,28 +254,10 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
 
 
 def test_a_run_that_is_interrupted_before_the_nodes_publish_has_no_motion(tmp_path: Path) -> None:
-    name = 'rectangle'
+    options = DemoOptions('rectangle', 'minimum_velocity', 500.0)
     model = RobotModel.named('lwr4_paper')
-    options = DemoOptions(name, 'minimum_velocity', 500.0)
-    early = Demo(options, load_task(name), model, make_law, tmp_path)
-    outcome = early.outcome()
+    outcome = Demo(options, load_task('rectangle'), model, make_law, tmp_path).outcome()
     assert outcome.motion is None and outcome.ending == 'NOT finished'
-
-
-@pytest.mark.nightly
-def test_sigterm_ends_the_demo_quietly_at_any_time(tmp_path: Path) -> None:
-    for patience in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0) if NIGHTLY else (0.0,):
-        options = ('--composed', '--lockstep', '--task', 'side_to_side')
-        process, children = running(tmp_path / f'after_{patience:g}', *options)
-        try:
-            process.wait(patience)
-        except subprocess.TimeoutExpired:
-            process.terminate()
-        _, errors = process.communicate(timeout=PATIENCE)
-        # 0: it was over before; 143: while it drew; by the signal: Python was on its way out
-        assert process.returncode in (0, 130, 143, -signal.SIGTERM)
-        assert errors == ''
-        assert not [pid for pid in children if is_running(pid)]
 
 
 def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from redres_ros.demo.observation import (
 from redres_ros.demo.outcome import Outcome, motion_values, pressing_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law
-from redres_ros.nodes.conversions import stamp_of, to_time
+from redres_ros.nodes.conversions import to_time
 from redres_ros.nodes.topics import REASON, TASK_STATE
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
@@ -83,12 +83,6 @@ def ticks(stamps: list[int]) -> list[int]:
     return [stamp // PERIOD for stamp in stamps]
 
 
-def test_a_stamp_is_found_without_reading_the_message() -> None:
-    message = joint_state(0, ZERO)
-    message.header.stamp = to_time(1_763_712_345 * 10**9 + 987_654_321)
-    assert stamp_of(serialize_message(message)) == 1_763_712_345 * 10**9 + 987_654_321
-
-
 def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_of_its_node_before_it() -> None:
     graph = Graph()
     graph.publish_word(TASK_STATE, 'idle')
@@ -123,6 +117,7 @@ def test_every_cycle_is_counted_as_one_of_four() -> None:
         (4.0, None),  # no command
         (6.0, 9.0),  # the clock waited
         (9.5, 10.0),  # in time
+        (11.5, None),  # after the task
     )
     assert count_cycles(log, T, PERIOD, 5 * PERIOD) == {
         'in_time': 2,
@@ -131,12 +126,6 @@ def test_every_cycle_is_counted_as_one_of_four() -> None:
         'missed': 1,
         'stood_still': pytest.approx(0.0015),
     }
-
-
-def test_cycles_before_and_after_the_task_do_not_count() -> None:
-    log = exchange((0.0, 1.0), (2.0, None), (4.0, 5.0), (6.0, None))
-    cycles = count_cycles(log, T, 2 * PERIOD, 3 * PERIOD)
-    assert (cycles['in_time'], cycles['late'], cycles['missed']) == (1, 0, 1)
 
 
 def test_in_lock_step_there_is_no_clock_to_be_late_for() -> None:

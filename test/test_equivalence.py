@@ -94,11 +94,6 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
     assert (found.max > ROUNDING) == (found.same_past.max() > ROUNDING) == seen
 
 
-def test_the_yardstick_of_a_law_is_the_scheme_of_its_name():
-    for name, cls in SCHEMES.items():
-        assert _yardstick(name, 3.0, 0.001) == cls(3.0)
-
-
 def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
     assert _yardstick('minimum_velocity', 10.0, 0.001) == MinimumAccelerationScheme(1000.0)
 

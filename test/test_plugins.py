@@ -41,15 +41,11 @@ def written(path: Path, text: str) -> Path:
 def test_what_a_file_defines_is_in_the_tables() -> None:
     assert load_plugin(EXAMPLE) == ('wrist_first',)
     assert load_plugin(PREFERENCE) == ('elbow_forward',)
+    cls = LAWS['wrist_first']
+    assert load_plugin(str(EXAMPLE)) == ('wrist_first',)  # once
+    assert LAWS['wrist_first'] is cls
     assert make_law('wrist_first', ratio=3.0).ratio == 3.0
     assert 'elbow_forward' in PREFERENCES
-
-
-def test_a_file_is_loaded_once() -> None:
-    load_plugin(EXAMPLE)
-    cls = LAWS['wrist_first']
-    assert load_plugin(str(EXAMPLE)) == ('wrist_first',)
-    assert LAWS['wrist_first'] is cls
 
 
 def test_a_law_of_ones_own_is_a_choice_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:

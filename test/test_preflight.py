@@ -18,11 +18,9 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from graph_helpers import PATIENCE, await_that, nodes
-from std_msgs.msg import String
 
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import MODE, REASON, SESSION
-from redres_ros.preflight import snapshot
 from redres_ros.preflight.snapshot import (
     ACTIVITY,
     COMMANDS,
@@ -97,10 +95,6 @@ def test_a_margin_makes_up_for_a_range_that_is_published_narrower() -> None:
     assert Level.FAULT in {verdict.level for verdict in judge(seen, None)}
     kept = replace(seen, controller=parameters_with(**{'position.margin': 0.03}))
     assert Level.FAULT not in {verdict.level for verdict in judge(kept, None)}
-
-
-def test_a_finding_names_its_subject_on_a_line() -> None:
-    assert str(beyond('joints', GOOD)) == 'ok     joints      all 7'
 
 
 BEHIND = replace(
@@ -282,9 +276,7 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
 
 
 @pytest.mark.slow
-def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnostics(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnostics() -> None:
     """The message's own type is not on any package index: an object of its form takes its place."""
 
     def named(name: str, label: str) -> SimpleNamespace:
@@ -294,18 +286,11 @@ def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnosti
         controllers=[named('forward_position_controller', 'inactive')],
         hardware_components=[named('arm', 'unconfigured')],
     )
-    monkeypatch.setattr(snapshot, '_find_activity_type', lambda: String)
     with own_domain(), spun(SnapshotNode) as observer:
         observer._forward_states = {'of another arm': 'active'}
-        newest = observer.samples.newest
-        monkeypatch.setattr(
-            observer.samples,
-            'newest',
-            lambda topic: message if topic == ACTIVITY else newest(topic),
-        )
-        seen = observer.look(0.6)
-    assert seen.forward_states == {'inactive'}
-    assert seen.hardware == {'arm': 'unconfigured'}
+        observer._take_activity(message)
+    assert set(observer._forward_states.values()) == {'inactive'}
+    assert observer._hardware == {'arm': 'unconfigured'}
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ from ur_linear_axis import ur_linear_axis
 from virtual_graph import Graph
 
 from redres_ros.files.installation import share_path
-from redres_ros.files.yaml import read_yaml
+from redres_ros.files.text import read_yaml
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH

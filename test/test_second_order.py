@@ -10,7 +10,7 @@ import pytest
 from doubles import SpringLaw
 from scipy.linalg import null_space
 
-from redres_ros import LAWS, Controller, RobotModel, RobotState, make_law, resolve
+from redres_ros import Controller, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
@@ -99,22 +99,16 @@ def test_the_arm_is_at_rest_before_the_first_tick(name, model, task):
     assert command.J @ command.ddq == pytest.approx(DX / T, rel=ROUNDING)
 
 
-def flattened(state: RobotState) -> RobotState:
-    """The same state of an arm whose tip cannot move."""
-    flat = state.with_velocity(state.dq_prev)
-    flat._J = np.zeros((6, 7))
-    return flat
-
-
 @EVERY_SCHEME
 def test_a_jacobian_without_full_rank_is_refused(name, model, states):
-    flat = flattened(states[0])
+    flat = states[0].with_velocity(states[0].dq_prev)
+    flat._J = np.zeros((6, 7))  # of an arm whose tip cannot move
     with pytest.raises(ArrayError, match='J has lost rank'):
         make_scheme(name).acceleration(model, flat, DX, np.zeros(3))
 
 
 @EVERY_SCHEME
-@pytest.mark.parametrize('dx', [np.zeros(2), np.array((0.0, np.nan, 0.0)), np.full(3, np.inf)])
+@pytest.mark.parametrize('dx', [np.zeros(2), np.array((0.0, np.nan, 0.0))])
 def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(name, dx, model, task):
     controller, undisturbed = (SecondOrderController(model, make_scheme(name), T) for _ in range(2))
     for each in (controller, undisturbed):
@@ -157,34 +151,6 @@ def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_sche
         ) * np.linalg.norm(gradient)
 
 
-@EVERY_DAMPING
-def test_the_weighted_torque_gives_the_acceleration_of_26(damping, model, ticks):
-    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        J_pinv = np.linalg.pinv(state.J[:3])
-        P = np.eye(7) - J_pinv @ state.J[:3]
-        M_inv = np.linalg.inv(state.M)
-        # Eq. (26) and (21)
-        ddq = J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev
-        assert same(
-            make_scheme('minimum_weighted_torque', damping).acceleration(model, state, ddx, dJ_dq),
-            ddq,
-        )
-
-
-@EVERY_DAMPING
-def test_the_dynamically_consistent_torque_gives_the_acceleration_of_31(damping, model, ticks):
-    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        M_inv = np.linalg.inv(state.M)
-        J_M = M_inv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ M_inv @ state.J[:3].T)
-        P_M = np.eye(7) - J_M @ state.J[:3]
-        tau_N = -damping * state.M @ state.dq_prev
-        ddq = J_M @ (ddx - dJ_dq) - P_M @ M_inv @ (state.n - tau_N)  # Eq. (31)
-        assert same(
-            make_scheme('dynamically_consistent', damping).acceleration(model, state, ddx, dJ_dq),
-            ddq,
-        )
-
-
 @dataclass(frozen=True)
 class SpringScheme(MinimumAccelerationScheme):
     """Eq. (18) with damping and a joint-space spring: ddq_N = -k_d dq - k_s q."""
@@ -206,13 +172,6 @@ def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):
 
 
 # --- construction ---------------------------------------------------------------------------------
-
-
-def test_every_scheme_becomes_a_law_of_the_same_name_and_damping():
-    assert {'minimum_acceleration', *TORQUE_NORM} <= set(SCHEMES) <= set(LAWS)
-    for name in SCHEMES:
-        assert make_scheme(name, damping=3.0).damping == make_law(name, damping=3.0).damping == 3.0
-        assert make_scheme(name).damping == make_law(name).damping
 
 
 @pytest.mark.parametrize('name', ['minimum_velocity', 'minimum_kinetic_energy'])

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from redres_ros.cli import main
 from redres_ros.graph.monitor import STALE, LastValue, NodeHealth
-from redres_ros.graph.watch import JointBar, line, page
+from redres_ros.graph.watch import _JointBar, _line, _page
 
 FULL = {
     'sim': LastValue(NodeHealth('in command', True), 100.0),
@@ -29,10 +29,10 @@ FULL = {
 }
 
 
-def text_of(received: dict[str, LastValue], now: float, joints: tuple[JointBar, ...] = ()) -> str:
+def text_of(received: dict[str, LastValue], now: float, joints: tuple[_JointBar, ...] = ()) -> str:
     """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(page(received, now, 7, joints))
+    console.print(_page(received, now, 7, joints))
     return console.export_text()
 
 
@@ -85,15 +85,10 @@ def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
     assert 'No node has sent' not in text
 
 
-def test_a_word_that_seldom_changes_is_not_old_while_its_node_lives() -> None:
-    received = {**FULL, 'sim/session_state': LastValue('CMD', 0.0)}
-    assert 'old' not in line_of(text_of(received, 100.5), 'session')
-
-
 def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() -> None:
-    low = JointBar('shoulder', 0.0, -1.0, ())
-    high = JointBar('elbow', 1.2, 2.0, ('acceleration', 'position'))
-    text = text_of(FULL, 100.5, (low, JointBar('middle', 0.5, 0.0, ()), high))
+    low = _JointBar('shoulder', 0.0, -1.0, ())
+    high = _JointBar('elbow', 1.2, 2.0, ('acceleration', 'position'))
+    text = text_of(FULL, 100.5, (low, _JointBar('middle', 0.5, 0.0, ()), high))
     bars = [line_of(text, name) for name in ('shoulder', 'middle', 'elbow')]
     before = [bar.partition('●')[0].count('─') for bar in bars]
     after = [bar.partition('●')[2].count('─') for bar in bars]
@@ -106,11 +101,11 @@ def test_a_line_reports_what_matters_most_and_who_is_not_there() -> None:
     there = {
         source: received for source, received in FULL.items() if not source.startswith('planner')
     }
-    assert line(there, 100.5, 7) == (
+    assert _line(there, 100.5, 7) == (
         'session CMD, stop reason none, planner no message, law minimum_torque'
     )
-    assert 'controller silent for 12 s' in line(FULL, 112.0, 7)
-    assert line({}, 100.0, 7) == 'no node in domain 7'
+    assert 'controller silent for 12 s' in _line(FULL, 112.0, 7)
+    assert _line({}, 100.0, 7) == 'no node in domain 7'
 
 
 WATCH = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain']

@@ -94,7 +94,8 @@ class Outcome:
 
     def write_json(self, path: Path) -> None:
         """Write the same values in SI units. Raises FileError."""
-        names = [each.name for each in fields(self) if each.name not in ('recording', 'forces')]
+        others = ('recording', 'interrupted', 'forces')
+        names = [each.name for each in fields(self) if each.name not in others]
         write_json({'task': self.ending, **{name: getattr(self, name) for name in names}}, path)
 
 

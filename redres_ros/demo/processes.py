@@ -5,12 +5,12 @@ import math
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from redres_ros.errors import RedresError
-from redres_ros.files.processes import module_command, module_environment
 from redres_ros.nodes.runtime import PARENT
 
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
@@ -40,14 +40,17 @@ class NodeProcess:
         arguments = []
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']
+        # The module comes from where this process has its own: Python would look in the working
+        # directory first, and mix an installed package with a clone of it.
+        path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [*module_command(module), *own, '--ros-args', *arguments],
+                [sys.executable, '-P', '-m', module, *own, '--ros-args', *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                env={**module_environment(), PARENT: str(os.getpid())},
+                env={**os.environ, 'PYTHONPATH': path, PARENT: str(os.getpid())},
             )
         self.pid = self._process.pid
 

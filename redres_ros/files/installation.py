@@ -24,16 +24,10 @@ def share_path(relative: str) -> Path:
     """
     here = Path(__file__).resolve()
     checkout = here.parents[2]
-    prefix = here.parents[
-        5:6
-    ]  # of <prefix>/lib/python3.x/site-packages/redres_ros/files/installation.py
-    overlays = [
-        Path(overlay)
-        for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-        if overlay
-    ]
+    # Of <prefix>/lib/python3.x/site-packages/redres_ros/files/installation.py:
+    prefixes = [*here.parents[5:6], *map(Path, _overlays())]
     roots = [checkout] if (checkout / 'package.xml').is_file() else []
-    roots += [place / 'share/redres_ros' for place in (*prefix, *overlays)]
+    roots += [prefix / 'share/redres_ros' for prefix in prefixes]
     for root in roots:
         if (root / relative).exists():
             return root / relative
@@ -59,6 +53,10 @@ def remedy(module: str) -> str:
 
 def _is_in_workspace() -> bool:
     """Whether ROS's own tools have installed this package, as colcon does."""
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    others = [prefix for prefix in prefixes if prefix and prefix != sys.prefix]
+    others = set(_overlays()) - {sys.prefix}
     return any((Path(prefix) / _MARKER).exists() for prefix in others)
+
+
+def _overlays() -> list[str]:
+    """The prefixes of a sourced ROS workspace."""
+    return [path for path in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if path]

@@ -1,6 +1,4 @@
-"""Processes: their standard streams and signals, their end with a parent, and modules of ours in
-new ones.
-"""
+"""Processes: their standard streams and signals, and their end with a parent."""
 
 import ctypes
 import os
@@ -30,21 +28,6 @@ def open_error_output() -> None:
 def end_with_parent(number: signal.Signals) -> None:
     """Have the kernel send this process a signal when its parent dies."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
-
-
-def module_command(name: str) -> list[str]:
-    """The beginning of a command line that runs a module 'redres_ros.…'."""
-    return [sys.executable, '-P', '-m', name]
-
-
-def module_environment() -> dict[str, str]:
-    """The environment in which that module comes from where this process has its own.
-
-    Without it, Python would look in the working directory first: somebody who runs the installed
-    package in a clone of it would mix the two.
-    """
-    path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
-    return {**os.environ, 'PYTHONPATH': path}
 
 
 def handle(handler: _Handler, *numbers: signal.Signals) -> None:

@@ -1,4 +1,6 @@
-"""Reads and writes files that users name: within limits of size, and with errors in one line."""
+"""Reads and writes files that users name, YAML among them: within limits of size, and with errors
+in one line.
+"""
 
 import json
 import math
@@ -10,6 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.errors import FileError, reason_of
+
+# Of a YAML file:
+_LARGEST = 200_000  # [bytes], some seconds of PyYAML's time
+_MOST_NODES = 100_000  # every alias counted as what it stands for
+_DEEPEST = 50  # lists within lists; PyYAML's time grows with the square of them
 
 
 def read_file(path: Path, largest: int) -> bytes:
@@ -53,6 +60,47 @@ def write_json(content: Mapping[str, object], path: Path) -> None:
     """
     with writing(path):
         path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
+
+
+def read_yaml(path: Path) -> Any:
+    """The content of a file. Raises FileError if it cannot be read, is too large or deep, or is no
+    YAML.
+    """
+    import yaml  # for files alone
+
+    with attempting(f'read {path}'):
+        content = read_file(path, _LARGEST)
+    try:
+        text = content.decode()
+        depth = 0
+        for event in yaml.parse(text, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:
+                raise FileError(f'{path} is nested too deeply')
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        if _size(node, {}) > _MOST_NODES:
+            raise yaml.YAMLError(f'its aliases stand for more than {_MOST_NODES} values')
+        return loader.construct_document(node)
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
+        raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
+
+
+def _size(node: Any, known: dict[int, float]) -> float:
+    """Number of nodes, a shared one counted as often as it is used; infinite for one within itself.
+
+    Known are the sizes of the nodes that were counted already, by their identity.
+    """
+    if isinstance(node.value, str):
+        return 1.0
+    if id(node) not in known:
+        known[id(node)] = math.inf  # until it is counted: a node found here contains itself
+        pairs = [item if isinstance(item, tuple) else (item,) for item in node.value]
+        known[id(node)] = 1.0 + sum(_size(child, known) for pair in pairs for child in pair)
+    return known[id(node)]
 
 
 def _finite(value: Any) -> Any:

@@ -14,11 +14,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.errors import RedresError
-
-
-class CallError(RedresError):
-    """A service that is missing, does not respond, or refuses."""
-
+from redres_ros.types import Seconds
 
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether a response has come
@@ -39,15 +35,17 @@ _STEERED = {
 }
 
 
+class CallError(RedresError):
+    """A service that is missing, does not respond, or refuses."""
+
+
 class GraphClient:
     """Calls the nodes' services from any thread; clients are kept, so a second call is fast.
 
-    Args:
-        node: Owner of the clients, spun elsewhere.
-        patience: How long to wait for a service, and for its response [s].
+    The node that owns them is spun elsewhere. The patience is for a service, and for its response.
     """
 
-    def __init__(self, node: Node, patience: float = 5.0) -> None:
+    def __init__(self, node: Node, patience: Seconds = 5.0) -> None:
         self._node = node
         self._patience = patience
         self._clients: dict[str, Client] = {}

@@ -62,10 +62,8 @@ class Sampler:
     """Takes what has come in since the last look.
 
     A callback for each message of a robot would wake this process a thousand times a second. Here
-    messages wait in DDS, whose thread does not need Python, until they are taken.
-
-    Args:
-        beside: A node that is spun; the subscriptions belong to another one, which is not spun.
+    messages wait in DDS, whose thread does not need Python, until they are taken. The subscriptions
+    belong to a node that is not spun, beside one that is.
     """
 
     def __init__(self, beside: Node) -> None:

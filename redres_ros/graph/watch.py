@@ -67,7 +67,7 @@ _ROWS: dict[str, tuple[_Row, ...]] = {
 }
 
 
-class JointBar(NamedTuple):
+class _JointBar(NamedTuple):
     """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
 
     name: str
@@ -89,11 +89,11 @@ class Watch(GraphMonitor):
     def page(self) -> RenderableType:
         """The page as it is now."""
         domain = self.context.get_domain_id()
-        return page(dict(self.values), time.monotonic(), domain, self._joints())
+        return _page(dict(self.values), time.monotonic(), domain, self._joints())
 
     def line(self) -> str:
         """The most important values, in a line."""
-        return line(dict(self.values), time.monotonic(), self.context.get_domain_id())
+        return _line(dict(self.values), time.monotonic(), self.context.get_domain_id())
 
     def look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
@@ -118,14 +118,14 @@ class Watch(GraphMonitor):
                 self.keep(f'controller/{name}', getattr(seen[-1], name))
             self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
 
-    def _joints(self) -> list[JointBar]:
+    def _joints(self) -> list[_JointBar]:
         arm = self._arm
         if arm is None:
             return []
         acting = self.limits()
         placed = zip(arm.model.joint_names, arm.fractions().tolist(), arm.q.tolist(), strict=True)
         return [
-            JointBar(name, fraction, q, sorted(acting.get(name, ())))
+            _JointBar(name, fraction, q, sorted(acting.get(name, ())))
             for name, fraction, q in placed
         ]
 
@@ -162,8 +162,8 @@ def watch(node: Watch, duration: float | None = None) -> None:
         console.print(node.page())
 
 
-def page(
-    received: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[JointBar] = ()
+def _page(
+    received: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[_JointBar] = ()
 ) -> RenderableType:
     """The whole page at an instant [s]; the NodeHealth of a node is received under its name."""
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
@@ -177,7 +177,7 @@ def page(
     return Group(title, *_alarms(received, now), *_node_panels(received, now), *bars)
 
 
-def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
+def _line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
     """The most important values of the page at an instant [s], in a line."""
     if not received:
         return f'no node in domain {domain}'
@@ -238,7 +238,7 @@ def _node_panels(received: Mapping[str, LastValue], now: float) -> Iterator[Pane
         yield Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
 
 
-def _joint_panel(joints: Sequence[JointBar]) -> Panel:
+def _joint_panel(joints: Sequence[_JointBar]) -> Panel:
     """A bar for each joint, and beside it the limits that act."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for joint in joints:

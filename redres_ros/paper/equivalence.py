@@ -171,10 +171,7 @@ def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: Times) -
     if the motion begins with it: if the start misses x_0, the arm starts with the least velocity
     that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
 
-    Raises:
-        RangeError: A time is outside the task.
-        LostMotionError: The motion cannot be followed.
-        ArrayError: J loses rank.
+    Raises RangeError for a time outside the task, ArrayError if J loses rank, LostMotionError.
     """
     from scipy.integrate import solve_ivp  # an extra, which takes a while to load
 

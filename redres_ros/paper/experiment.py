@@ -78,13 +78,7 @@ def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMoti
     would belong to instants half a cycle beside the samples. The first and last half window are
     left out.
 
-    Args:
-        q: Measured positions, (N, n) [rad].
-        T: Sampling time [s].
-        window: W, an even number of samples.
-
-    Raises:
-        ArrayError: Fewer than W + 1 samples.
+    Raises ArrayError for fewer than W + 1 samples; the window W is an even number.
     """
     from scipy.signal import savgol_filter  # an extra, which takes a while to load
 
@@ -138,15 +132,8 @@ def experiment(
     same bits.
 
     In monitor mode the client mirrors the measured position; the task begins in command mode. What
-    is computed from the state of tick k is used from tick k + 1. The robot limits speeds and stops
-    as it does for the nodes.
-
-    Args:
-        client: Responds to each state.
-        task: Start and points.
-        arm: The one that is simulated.
-        sensing: How its positions are measured and recorded; None: exactly.
-        stops: Whether the robot stops at accelerations beyond its limits.
+    is computed from the state of tick k is used from tick k + 1. The robot limits speeds as
+    it does for the nodes; if `stops`, it also stops at accelerations beyond its limits.
     """
     sensing = sensing or Sensing()
     plant = MujocoPlant(arm, client.T, task.start)

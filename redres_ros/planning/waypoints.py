@@ -11,6 +11,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.files.installation import share_path
+from redres_ros.files.text import read_yaml
 from redres_ros.geometry import from_quaternion, from_roll_pitch_yaw
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
@@ -109,8 +110,6 @@ def load_task(name_or_path: str) -> WaypointTask:
         if name_or_path not in known:
             raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
         path = known[name_or_path]
-    from redres_ros.files.yaml import read_yaml  # PyYAML is for files alone
-
     return _to_task(read_yaml(path), path)
 
 

@@ -1,7 +1,7 @@
 """A snapshot of a running graph over a few seconds, before the arm moves."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
-from redres_ros.graph.monitor import GraphMonitor
+from redres_ros.graph.monitor import GraphMonitor, Sample
 from redres_ros.nodes.conversions import EncodingError, deserialised, to_nanoseconds
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
@@ -86,12 +86,7 @@ class GraphSnapshot:
 
 
 class SnapshotNode(GraphMonitor):
-    """Observes, and asks controllers for their parameters; publishes nothing.
-
-    Args:
-        namespace: Namespace of the arm's nodes; empty: none.
-        states: The topic of the states, if it is remapped.
-    """
+    """Observes the arm's nodes, and asks controllers for their parameters; publishes nothing."""
 
     def __init__(self, namespace: str = '', states: str = STATES) -> None:
         super().__init__('redres_check', namespace)
@@ -138,24 +133,26 @@ class SnapshotNode(GraphMonitor):
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _LOOK))
-            for sample in self.samples.take(self._states_topic):
-                with suppress(EncodingError):
-                    message = deserialised(sample.data, JointState)
-                    stamp = to_nanoseconds(message.header.stamp)
-                    positions = dict(zip(message.name, message.position, strict=False))
-                    self._states.append(StateSeen(stamp, sample.received, positions))
-            for sample in self.samples.take(TWISTS):
-                with suppress(EncodingError):
-                    self._frames.add(deserialised(sample.data, TwistStamped).header.frame_id)
-            for sample in self.samples.take(_DIAGNOSTICS):
-                with suppress(EncodingError):
-                    self._take_diagnostics(deserialised(sample.data, DiagnosticArray))
+            for sample, state in self._taken(self._states_topic, JointState):
+                stamp = to_nanoseconds(state.header.stamp)
+                positions = dict(zip(state.name, state.position, strict=False))
+                self._states.append(StateSeen(stamp, sample.received, positions))
+            for _, twist in self._taken(TWISTS, TwistStamped):
+                self._frames.add(twist.header.frame_id)
+            for _, diagnostics in self._taken(_DIAGNOSTICS, DiagnosticArray):
+                self._take_diagnostics(diagnostics)
             activity = None if self._activity_type is None else self.samples.newest(ACTIVITY)
             if activity is not None:
                 self._take_activity(activity)
             description = self.samples.newest(DESCRIPTION)
             if description is not None:
                 self._description = description.data
+
+    def _taken(self, topic: str, kind: type) -> Iterator[tuple[Sample, Any]]:
+        """What has come on a topic, without what is malformed."""
+        for sample in self.samples.take(topic):
+            with suppress(EncodingError):
+                yield sample, deserialised(sample.data, kind)
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         """Record the states of controllers and hardware, which any manager may report."""

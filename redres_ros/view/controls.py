@@ -72,12 +72,8 @@ class Bindings:
     def order(
         self, event: Any, order: Callable[[], str | None], undo: Callable[[], None] = lambda: None
     ) -> None:
-        """Carry out an order at the page; the response is shown to its browser alone.
-
-        Args:
-            event: What was clicked, and by whom.
-            order: Asks the nodes; gives their response in words, if there is one.
-            undo: Called if they refuse.
+        """Carry out an order, which may respond in words, and undo it if the nodes refuse; the
+        response is shown to the browser of the event alone.
         """
         if event.client is None:  # shown by us, because a node has it already
             return

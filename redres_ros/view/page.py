@@ -32,17 +32,11 @@ _TRACED = 20.0  # [s]
 _WALLS = ('limits', 'scene.')  # parameters of what is drawn
 
 
-class Page:
-    """A page of one graph.
+class _Page:
+    """A page of one graph, on a server that is still empty; the monitor is spun elsewhere.
 
-    Args:
-        server: viser's server, still empty.
-        monitor: Observes the graph; spun elsewhere.
-        channel: Of the script that steers.
-
-    Raises:
-        CallError: The controller or the planner is not there.
-        RedresError: It has an arm or a task that is not known here.
+    Raises CallError without a controller or a planner, and RedresError for an arm or a task that is
+    not known here.
     """
 
     def __init__(
@@ -67,12 +61,10 @@ class Page:
         add_controls(server.gui, self._bindings)
         server.gui.main_panel.dock_right()
         self._teleoperation = Teleoperation(
-            server, monitor, self._bindings, self._scene, model, channel.dead_man
+            server, monitor, self._bindings, self._scene, model, channel
         )
         if values['sim']:
             add_faults(server.gui, self._bindings)
-        channel.status = self._teleoperation.status
-        channel.rows = self._teleoperation.rows
         self._show_walls()
         self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
         self._paths: dict[str, deque[np.ndarray]] = {
@@ -205,7 +197,7 @@ class _ViewNode(GraphMonitor):
         channel = TeleopChannel()
         server = open_server(self._settings.port, 'redres', channel)
         try:
-            page = Page(server, self, channel)
+            page = _Page(server, self, channel)
             print(f'page: http://{ADDRESS}:{server.get_port()}', flush=True)
             page.run(stopped)
         finally:

@@ -26,12 +26,8 @@ _UNDER_WAY = {each.value for each in UNDER_WAY}
 
 
 def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
-    """Session, planner and controller as HTML, and why the robot has stopped, if it has.
-
-    Args:
-        words: The newest by topic.
-        health: Health of each node, by name.
-        progress: Progress of the goal, 0 to 1; shown while it is under way.
+    """Session, planner and controller as HTML, and why the robot has stopped, if it has; words by
+    topic, and the progress of a goal, 0 to 1, while it is under way.
     """
     lines = []
     if words[REASON]:
@@ -57,12 +53,8 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
 def joint_bars(
     names: Sequence[str], fractions: np.ndarray, acting: Mapping[str, Iterable[str]]
 ) -> str:
-    """A bar for each joint as HTML, with the limits that act.
-
-    Args:
-        names: Names of the joints.
-        fractions: Where each is in its range, 0 to 1, (n,).
-        acting: The limits that act on a joint, or on a pair of bodies, by its name.
+    """A bar for each joint as HTML, which shows its fraction of the range, 0 to 1, (n,), and the
+    limits that act on it, or on a pair of bodies.
     """
     bars = dict(zip(names, map(_bar, fractions.tolist()), strict=True))
     places = dict.fromkeys([*names, *sorted(acting)])

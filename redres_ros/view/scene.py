@@ -50,12 +50,7 @@ _LABEL = np.array((0.0, 0.0, 1.25))  # position of the title, for an arm that re
 
 
 class ArmScene:
-    """Draws an arm into a page.
-
-    Args:
-        server: Server of the page.
-        model: The arm.
-        points: Points of its task, (P, 3) [m]; (0, 3) for none.
+    """Draws an arm and the points (P, 3) [m] of its task into a page.
 
     Attributes:
         meshes: Of the moving links, with the links' names.
@@ -70,7 +65,7 @@ class ArmScene:
         self.meshes: list[tuple[str, viser.MeshHandle]] = []
         for joint in self._kinematics.joints:
             self._add_link(joint)
-        for shape in shapes_of(model.arm):
+        for shape in _shapes_of(model.arm):
             self._add_shape(shape)
         self._add_tool()
         self._add_surroundings()
@@ -199,7 +194,7 @@ class ArmScene:
         self._scene.add_mesh_simple('/base/pedestal', mesh.vertices, mesh.faces, color=_STONE)
 
 
-def shapes_of(arm: Arm) -> list[pin.GeometryObject]:
+def _shapes_of(arm: Arm) -> list[pin.GeometryObject]:
     """The cylinders, spheres and boxes that an arm is drawn by; files of meshes are left out."""
     robot = ElementTree.fromstring(arm.description())
     for link in robot.iter('link'):

@@ -59,7 +59,7 @@ class OriginError(RedresError):
     """A page that is not protected."""
 
 
-class BeatError(RedresError):
+class _BeatError(RedresError):
     """A message that is none of the page's script."""
 
 
@@ -71,18 +71,44 @@ class _Beat(NamedTuple):
     direction: np.ndarray
 
 
-class DeadMan:
-    """A switch that one connection at a time can hold, by repeating so.
+def _read_beat(message: str | bytes) -> np.ndarray | None:
+    """The direction in a message of the page's script; None if the switch was let go.
 
-    A direction is that of the velocity asked for: fractions -1 to 1 of the speeds, (6,).
+    Raises _BeatError.
+    """
+    try:
+        values = json.loads(message[:_LONGEST])
+    except ValueError:
+        raise _BeatError('no JSON; expected null or 6 numbers') from None
+    if values is None:
+        return None
+    if not isinstance(values, list) or len(values) != 6:
+        raise _BeatError('expected null or 6 numbers')
+    if not all(type(value) in (int, float) and abs(value) <= 1.0 for value in values):
+        raise _BeatError('expected numbers from -1 to 1')
+    return np.array(values, dtype=float)
+
+
+class TeleopChannel:
+    """The dead-man switch: takes what the page's script sends, and shows it a line of text.
+
+    One connection at a time can hold the switch, by repeating so.
+
+    Attributes:
+        rows: Of a task velocity: 3 or 6; 0: nothing can be steered yet.
+        status: What the operator should know.
     """
 
     def __init__(self) -> None:
+        self.rows = 0
+        self.status: Callable[[], str] = str
         self._beat: _Beat | None = None
         self._lock = threading.Lock()
 
     def press(self, who: object, direction: np.ndarray, now: Seconds) -> bool:
-        """Hold the switch; whether nobody else does."""
+        """Hold the switch, asking for fractions -1 to 1 of the speeds, (6,); whether nobody else
+        does.
+        """
         with self._lock:
             beat = self._beat
             if beat is not None and beat.who is not who and now - beat.at < TIMEOUT:
@@ -97,41 +123,9 @@ class DeadMan:
                 self._beat = None
 
     def direction(self, now: Seconds) -> np.ndarray | None:
-        """The direction asked for; None if the switch is free."""
+        """The direction asked for, (6,); None if the switch is free."""
         beat = self._beat
         return beat.direction if beat is not None and now - beat.at < TIMEOUT else None
-
-
-def read_beat(message: str | bytes) -> np.ndarray | None:
-    """The direction in a message of the page's script; None if the switch was let go.
-
-    Raises BeatError.
-    """
-    try:
-        values = json.loads(message[:_LONGEST])
-    except ValueError:
-        raise BeatError('no JSON; expected null or 6 numbers') from None
-    if values is None:
-        return None
-    if not isinstance(values, list) or len(values) != 6:
-        raise BeatError('expected null or 6 numbers')
-    if not all(type(value) in (int, float) and abs(value) <= 1.0 for value in values):
-        raise BeatError('expected numbers from -1 to 1')
-    return np.array(values, dtype=float)
-
-
-class TeleopChannel:
-    """Takes what the page's script sends, and shows it a line of text.
-
-    Attributes:
-        rows: Of a task velocity: 3 or 6; 0: nothing can be steered yet.
-        status: What the operator should know.
-    """
-
-    def __init__(self) -> None:
-        self.dead_man = DeadMan()
-        self.rows = 0
-        self.status: Callable[[], str] = str
 
     async def serve(self, connection: Any) -> None:
         """Serve a connection until it ends, which lets the switch go."""
@@ -143,30 +137,25 @@ class TeleopChannel:
                 if text != shown:
                     shown = text
                     await connection.send(json.dumps({'text': text}))
-        except BeatError as error:
+        except _BeatError as error:
             await connection.close(_RULE_BROKEN, str(error))
         finally:
-            self.dead_man.release(connection)
+            self.release(connection)
 
     def _enter(self, connection: object, message: str | bytes) -> str:
         """The line to show after a message."""
-        direction = read_beat(message)
+        direction = _read_beat(message)
         if direction is None:
-            self.dead_man.release(connection)
+            self.release(connection)
             return ''
-        if not self.dead_man.press(connection, direction, time.monotonic()):
+        if not self.press(connection, direction, time.monotonic()):
             return 'somebody else holds the dead-man switch'
         return self.status()
 
 
-def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
-    """Why a request with these Host and Origin headers is refused; empty if it is not.
-
-    Args:
-        hosts: The values of its Host headers.
-        origins: Those of its Origin headers.
-        port: That of the page.
-        steers: Whether it asks for the connection by which a page steers.
+def _refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
+    """Why a request with these Host and Origin headers is refused; empty if it is not. It steers if
+    it asks for the connection by which a page steers.
     """
     own_hosts = [f'{name}:{port}' for name in _NAMES]
     if len(hosts) != 1 or hosts[0] not in own_hosts:
@@ -178,7 +167,7 @@ def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) ->
     return ''
 
 
-class LoopEvent(asyncio.Event):
+class _LoopEvent(asyncio.Event):
     """An event that only a running loop sets; from other threads it is left alone.
 
     viser 1.1 sets an asyncio.Event from whichever thread sends a message, and once more in its own
@@ -198,19 +187,14 @@ class LoopEvent(asyncio.Event):
 class _SafeBuffer(AsyncMessageBuffer):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.message_event = LoopEvent()
+        self.message_event = _LoopEvent()
 
 
 def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> viser.ViserServer:
-    """A viser server that checks every request.
+    """A viser server that checks every request, at the next free port; 0: any. Without a channel
+    the page does not steer.
 
-    Args:
-        port: Wanted; the next free one is taken; 0: any.
-        label: The title of its controls.
-        channel: Of the script that steers; None: the page does not steer.
-
-    Raises:
-        OriginError: It accepted a foreign request, as a future viser might.
+    Raises OriginError if it accepted a foreign request, as a future viser might.
     """
     _infra.AsyncMessageBuffer = _SafeBuffer  # type: ignore[attr-defined]
     with _guarded(channel), contextlib.redirect_stdout(io.StringIO()):
@@ -265,7 +249,7 @@ def _checked(respond: Callable[[Any, Any], Any], with_script: bool) -> Callable[
         hosts = headers.get_all('Host')
         steers = 'Upgrade' in headers
         port = connection.local_address[1]
-        reason = refusal(hosts, headers.get_all('Origin'), port, steers=steers)
+        reason = _refusal(hosts, headers.get_all('Origin'), port, steers=steers)
         if reason:
             return connection.respond(HTTPStatus.FORBIDDEN, f'{reason}\n')
         is_page = not steers and request.path.partition('?')[0] in _PAGE

@@ -21,7 +21,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Seconds, Twist
 from redres_ros.view.controls import Bindings, notify
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.server import DeadMan
+from redres_ros.view.server import TeleopChannel
 
 _NOW = 0  # a stamp that means: as soon as it comes
 _PERIOD = 0.02  # [s] between task velocities
@@ -51,9 +51,6 @@ class Teleoperation:
     A jogged velocity goes to `cartesian_velocity`; while none is asked for, nothing is published.
     The pose of the handle at the tip goes to `target_pose` while it is dragged. A link of the fake
     robot can be taken with the mouse, which pulls at it like a spring.
-
-    Attributes:
-        rows: Rows of a task velocity, 3 or 6.
     """
 
     def __init__(
@@ -63,14 +60,16 @@ class Teleoperation:
         bindings: Bindings,
         scene: ArmScene,
         model: RobotModel,
-        dead_man: DeadMan,
+        channel: TeleopChannel,
     ) -> None:
-        self.rows = 6 if bindings.values['controller']['task_space'] == 'pose' else 3
+        self._rows = 6 if bindings.values['controller']['task_space'] == 'pose' else 3
+        self._channel = channel
+        channel.rows = self._rows
+        channel.status = self._status
         self._monitor = monitor
         self._bindings = bindings
         self._scene = scene
         self._model = model
-        self._dead_man = dead_man
         self._twist_writer = TwistWriter('')
         self._twist_publisher: Publisher | None = None  # made for the first motion
         self._target_publisher = monitor.create_publisher(PoseStamped, 'target_pose', PUBLISH)
@@ -86,7 +85,7 @@ class Teleoperation:
         self._handle = server.scene.add_transform_controls(
             '/tip_handle',
             scale=_HANDLE * model.reach,
-            disable_rotations=self.rows == 3,
+            disable_rotations=self._rows == 3,
             depth_test=False,
             visible=False,
         )
@@ -105,7 +104,7 @@ class Teleoperation:
 
     def step(self, now: Seconds) -> None:
         """Publish what is asked for."""
-        direction = self._dead_man.direction(now)
+        direction = self._channel.direction(now)
         if direction is None:
             self._end_drag()
             self._push = ('', np.zeros(3))
@@ -114,7 +113,7 @@ class Teleoperation:
         if self._order is None or self._order.done():
             self._order = self._next_order()
 
-    def status(self) -> str:
+    def _status(self) -> str:
         """Why the arm does not move although it is asked to; empty if nothing is known."""
         if not self._asked_at or time.monotonic() - self._asked_at < _PATIENCE:
             return ''
@@ -168,13 +167,13 @@ class Teleoperation:
             self._push_event = event
             force = np.zeros(3)
             if event.phase != _END and self._is_held():
-                force = pull(event.start_position, event.end_position, self._largest.value)
+                force = _pull(event.start_position, event.end_position, self._largest.value)
             self._push = (link, force)
 
         return on_drag
 
     def _is_held(self) -> bool:
-        return self._dead_man.direction(time.monotonic()) is not None
+        return self._channel.direction(time.monotonic()) is not None
 
     def _next_order(self) -> Future[None] | None:
         """Begin the next call of a service; of several forces the newest counts."""
@@ -205,7 +204,7 @@ class Teleoperation:
             mouse = gui.add_dropdown('the mouse', (_VIEW, _DRAG, *((_PUSH,) if has_sim else ())))
             self._speed = gui.add_slider('speed [m/s]', 0.005, _SPEED[1], 0.005, _SPEED[0])
             self._turn = gui.add_slider('turning [rad/s]', 0.05, _TURN[1], 0.05, _TURN[0])
-            self._turn.visible = self.rows == 6
+            self._turn.visible = self._rows == 6
             self._largest = gui.add_slider('largest push [N]', 0.0, _FORCE[1], 5.0, _FORCE[0])
             self._largest.visible = has_sim
             led: Any = gui.add_checkbox(
@@ -229,11 +228,11 @@ class Teleoperation:
         values: dict[str, Any] = {_ENABLED: event.target.value}
         if event.target.value:
             for name, (linear, angular) in _LED.items():
-                values[f'admittance.{name}'] = [linear] * 3 + [angular] * (self.rows - 3)
+                values[f'admittance.{name}'] = [linear] * 3 + [angular] * (self._rows - 3)
         self._bindings.set(event, 'controller', values)
 
 
-def pull(taken: Any, mouse: Any, largest: float) -> np.ndarray:
+def _pull(taken: Any, mouse: Any, largest: float) -> np.ndarray:
     """The force of a spring between two points (3,) [m], not larger than allowed, (3,) [N]."""
     force = _SPRING * (np.array(mouse) - np.array(taken))
     size = float(np.linalg.norm(force))
