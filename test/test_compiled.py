@@ -93,7 +93,7 @@ def kernels(tmp_path: Path) -> Path:
     for folder in (package, package / 'files', package / 'kernels'):
         folder.mkdir()
         (folder / '__init__.py').touch()
-    for name in ('kernels/compiled.py', 'files/signals.py'):
+    for name in ('kernels/compiled.py', 'files/processes.py'):
         shutil.copy(PACKAGE / name, package / name)
     (package / 'kernels' / 'doubled.py').write_text(KERNEL)
     return package / 'kernels'
