@@ -213,12 +213,6 @@ def test_an_inactive_controller_publishes_nothing_although_a_joint_is_outside_it
     assert judge.references == []
 
 
-def test_deactivated_at_rest_the_controller_is_silent_at_once() -> None:
-    with commanded() as arm:
-        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
-        assert len(arm.published_in(1.0)) == 0
-
-
 # --- braking is over time -------------------------------------------------------------------------
 
 

@@ -125,10 +125,8 @@ class CommandLoop:
     @property
     def error(self) -> str:
         """What blocks motion, and the remedy; empty if nothing does."""
-        if self.faults.reason:
-            return (
-                f'{self.faults.reason}; controller/hold with false, or a new motion, lets it go on'
-            )
+        if reason := self.faults.reason:
+            return f'{reason}; controller/hold with false, or a new motion, lets it go on'
         if self._cycles.rate_error:
             return self._cycles.rate_error
         if self.mode is not Mode.HOLDING or self._newest is None:
@@ -202,10 +200,6 @@ class CommandLoop:
     def step(self, stamp: Nanoseconds, q: JointPositions, now: Seconds) -> Response | None:
         """The response to a state; None if it waits for its task velocity, or nothing is published.
 
-        Args:
-            q: Measured.
-            now: Its arrival.
-
         Raises:
             ClockError: The stamp is not that of a new cycle.
             LeapError: A joint has moved further than it can.
@@ -251,9 +245,7 @@ class CommandLoop:
     def _held_reference(self, q: JointPositions, clock_step: Seconds) -> JointPositions | None:
         """The last reference, if an arm that was silent for long is where that holds it.
 
-        Args:
-            q: Measured.
-            clock_step: Step of the robot's clock against this computer's; large for another robot.
+        A robot whose clock has made a step against this computer's is another one.
         """
         published = self._controller.published
         is_held = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
@@ -283,10 +275,8 @@ class CommandLoop:
         """The response to the state that waited for this task velocity, if there is one.
 
         Args:
-            stamp: Stamp of the state that it belongs to, or another time on the robot's clock; 0
-                for now.
-            now: Its arrival.
-            time_of_day: The same by the computer's clock; 0: not known.
+            stamp: Of the state that it belongs to, or another time on the robot's clock; 0 for now.
+            time_of_day: Arrival by the computer's clock; 0: not known.
 
         Raises:
             TwistSpeedError: It is too fast.
@@ -336,9 +326,8 @@ class CommandLoop:
         known = self.input.buffer.known_until >= state.cycle
         if not known:
             awaits = self._expecting and not self._held
-            if self.input.settings.lockstep:
-                return None
-            if awaits and now - state.arrived < self._controller.robot_interface.patience:
+            patience = self._controller.robot_interface.patience
+            if self.input.settings.lockstep or (awaits and now - state.arrived < patience):
                 return None
         self._waiting = None
         self._expecting = self._expecting and known

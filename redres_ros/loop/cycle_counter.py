@@ -157,12 +157,9 @@ class CycleCounter:
     ) -> Nanoseconds:
         """A stamp by the robot's clock; 0, for now, in place of one by another clock.
 
-        A stamp that is far from the robot's clock, and that this computer's clock showed a moment
-        ago, was made on this computer: the arrival is what counts.
-
-        Args:
-            time_of_day: Time of its arrival by this computer's clock; 0: not known.
-            tolerance: How far is far, and how long a moment is.
+        A stamp that is farther than the tolerance from the robot's clock, and that this computer's
+        clock showed as short a time before its arrival (time_of_day; 0: not known), was made on
+        this computer: the arrival is what counts.
         """
         is_far = abs(self._age(stamp)) > tolerance
         return 0 if is_far and is_of_this_moment(stamp, time_of_day, tolerance) else stamp

@@ -85,13 +85,7 @@ class FaultMonitor:
         self._leaps = 0.0
 
     def note_request(self, asks: bool, stale: bool, seconds: Seconds) -> None:
-        """Whether motion is commanded; a new command of motion clears a fault.
-
-        Args:
-            asks: A velocity asks for motion.
-            stale: None came for some time.
-            seconds: Since the last call.
-        """
+        """Record whether velocities ask for motion, or are stale; a new motion clears a fault."""
         self.released = self.released or (stale and self._pause >= _PAUSE)
         if asks and self.reason and (self.released or self._pause >= _PAUSE):
             self.clear()
@@ -122,7 +116,7 @@ class FaultMonitor:
             raise LeapError(what)
         self.set(f'{what}; does another robot publish joint_states, too?')
 
-    def lag(self, q: JointPositions) -> tuple[Radians, int]:
+    def _lag(self, q: JointPositions) -> tuple[Radians, int]:
         """How far the joint furthest behind is from its reference, and which one it is.
 
         What a servo may be behind a moving reference does not count.
@@ -133,14 +127,14 @@ class FaultMonitor:
 
     def is_away(self, q: JointPositions) -> bool:
         """Whether an arm measured at q is not where its reference is."""
-        return self.lag(q)[0] > self._allowed
+        return self._lag(q)[0] > self._allowed
 
     def holding_problem(self, q: JointPositions) -> str:
         """Why an arm at rest, measured at q, cannot stay at its reference; or ''."""
         controller = self._controller
         if controller.published is None:
             return ''
-        lag, joint = self.lag(q)
+        lag, joint = self._lag(q)
         if lag > self._allowed:
             return (
                 f'held, and {self._model.joint_names[joint]} is measured {lag:.3g} rad from its '

@@ -66,7 +66,7 @@ class Measurements:
             wrench: What the environment exerts on the tip.
             frame: The link along whose axes and about whose origin it is; '' is the tip, 'base' the
                 base.
-            time_of_day: Time of its arrival by this computer's clock; 0: not known.
+            time_of_day: Arrival by this computer's clock; 0: not known.
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
@@ -83,14 +83,9 @@ class Measurements:
     def enter(
         self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
     ) -> None:
-        """Record what a preference or limit uses by this name; see enter_wrench().
+        """Record what a preference or limit uses by this name, (k,); as enter_wrench().
 
-        Args:
-            value: (k,), finite.
-
-        Raises:
-            MeasurementAgeError: It is too old, or stamped too far ahead.
-            ArrayError: It is not finite.
+        Raises ArrayError for values that are not finite.
         """
         self._check_age(name, stamp, time_of_day)
         self._is_idle = False
@@ -109,11 +104,8 @@ class Measurements:
             )
 
     def update(self, q: JointPositions, missed: Cycles, at_rest: bool) -> None:
-        """Drop what is too old, and see whether the rest asks for motion; once a tick.
-
-        Args:
-            missed: Cycles without a tick since the last one.
-            at_rest: Nothing moves yet.
+        """Drop what is too old, and see whether the rest asks an arm to move, or to go on moving;
+        once a tick.
         """
         self._time += (missed + 1) * self._controller.T
         self._is_idle = self._is_idle and not self.contact.admittance.settings.enabled

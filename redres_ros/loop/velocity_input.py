@@ -99,9 +99,7 @@ class VelocityInput:
         self._woke = -math.inf  # when input came again after a gap [s]
 
     def note_input(self, now: Seconds) -> None:
-        """Record the monotonic time of any input: in a gap of all input the process may have
-        slept.
-        """
+        """Record when any input came: in a gap of all input the process may have slept."""
         if self._last_input and now - self._last_input > self.settings.command_timeout:
             self._woke = now
         self._last_input = now
@@ -136,18 +134,10 @@ class VelocityInput:
         now: Seconds,
         time_of_day: Nanoseconds,
     ) -> bool:
-        """Store a velocity; returns whether it belongs to the state that its stamp names.
+        """Store a velocity that was checked, in of_task or of_joints; returns whether it belongs to
+        the state that its stamp names.
 
-        Args:
-            buffer: of_task or of_joints.
-            stamp: Stamp of the state that it belongs to, or another time on the robot's clock; 0
-                for now.
-            dx: A velocity that was checked.
-            now: Its arrival.
-            time_of_day: The same by the computer's clock; 0: not known.
-
-        Raises:
-            TwistAgeError: It is too old, or stamped too far ahead.
+        The rest is as of CommandLoop.enter_twist().
         """
         cycles = self._cycles
         self.note_input(now)
@@ -170,10 +160,7 @@ class VelocityInput:
 
     def _is_of_this_robot(self, stamp: Nanoseconds) -> bool:
         """Whether a velocity can be judged by the robot's clock: after a silence, its stamp may be
-        another robot's, whose states have not come yet.
-
-        Raises:
-            TwistAgeError: It is too old or stamped too far ahead while states come.
+        another robot's, whose states have not come yet. Else TwistAgeError if it is too old.
         """
         if not stamp:
             if self._last_input - self._woke < _QUEUED:
