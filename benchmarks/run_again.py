@@ -22,8 +22,6 @@ from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, ru
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.planning.goals import Goals, GoalSettings
-from redres_ros.planning.progress import ProgressMonitor
-from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.task_executor import UNDER_WAY, TaskExecutor, TaskState
 from redres_ros.preferences import Posture
 from redres_ros.robots import ARMS
@@ -65,7 +63,7 @@ class Arm:
         self.task = load_task(ARMS[robot].task)
         self.controller = Controller(self.model, law, T, limits=LIMITS, switch_time=0.2)
         self.loop = CommandLoop(self.controller)
-        self.executor = TaskExecutor(T, TaskClock(T), ProgressMonitor(5.0, 30.0))
+        self.executor = TaskExecutor(T)
         self.goals = Goals(self.model, self.task, GoalSettings(), 'position')
         self.q = self.task.start
         self.stamp = NANOSECONDS  # of the newest state [ns]
@@ -82,7 +80,7 @@ class Arm:
         x, R = self.model.tip(self.q)
         self.executor.set_mode(self.loop.mode.value)
         if response is not None:
-            self.executor.set_scaling(response.scaling)
+            self.executor.clock.set_scaling(response.scaling)
         step = self.executor.enter_state(self.stamp, self.q, x, R, self.now)
         if step is not None and step.dx is not None:
             self.loop.enter_twist(self.stamp, step.dx, self.now)

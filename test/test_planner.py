@@ -11,21 +11,37 @@ from redres_ros.geometry import quintic
 from redres_ros.planning.planner import Reference, TargetFollower
 
 T = 0.001  # [s]
+EYE = np.eye(3)
+
+
+def turned(*rotation_vectors: tuple[float, float, float]) -> np.ndarray:
+    return Rotation.from_rotvec(rotation_vectors).as_matrix()
 
 
 @pytest.fixture
 def square() -> WaypointTask:
-    """Three segments of 0.5 s in a plane."""
+    """Three segments of 0.5 s."""
     points = np.array(((0.4, 0.0, 0.5), (0.5, 0.0, 0.5), (0.5, 0.1, 0.5), (0.4, 0.1, 0.6)))
     return WaypointTask('lwr4', np.zeros(7), points, segment_time=0.5)
 
 
-def follow(planner: Planner, x: np.ndarray, ticks: int) -> list[Reference]:
-    """References for an ideal tip."""
+@pytest.fixture
+def turning(square: WaypointTask) -> WaypointTask:
+    """The same, with the tip turned another way at each of its four points."""
+    turns = turned((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.4, 0.0), (0.0, 0.0, -0.3))
+    return replace(square, orientations=turns)
+
+
+def follow(
+    planner: Planner, x: np.ndarray, ticks: int, R: np.ndarray | None = None
+) -> list[Reference]:
+    """References for an ideal tip, which also turns unless R is None."""
     references = []
     for k in range(ticks):
-        references.append(planner.reference(x, k * T))
-        x = x + T * references[-1].dx
+        reference = planner.reference(x, k * T, R)
+        references.append(reference)
+        x = x + T * reference.dx[:3]
+        R = R if R is None else turned(T * reference.dx[3:])[0] @ R
     return references
 
 
@@ -43,28 +59,24 @@ def test_the_quintic_is_that_of_the_paper():
         assert quintic(xi) == pytest.approx((s, ds), abs=1e-14)
 
 
-@pytest.mark.parametrize('end', [0.0, 1.0])
-def test_velocity_and_acceleration_of_the_quintic_vanish_at_the_ends(end):
-    inside = abs(end - 1e-4)
-    assert quintic(end)[1] == 0.0
-    assert abs(quintic(inside)[1]) < 30.1 * 1e-8  # 30 xi^2: no linear term
-
-
-@pytest.mark.parametrize(('xi', 's'), [(-1.0, 0.0), (2.0, 1.0)])
-def test_beyond_its_ends_the_quintic_stands_still(xi, s):
+@pytest.mark.parametrize(('xi', 's'), [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
+def test_at_its_ends_and_beyond_the_quintic_stands_still(xi, s):
     assert quintic(xi) == (s, 0.0)
 
 
 # --- one segment ----------------------------------------------------------------------------------
 
 
-def test_a_segment_is_a_straight_line_between_its_points(square):
-    x_d = column(follow(Planner(square), square.waypoints[0], 500), 'x_d')
+def test_a_segment_is_a_straight_line_from_rest_to_rest_between_its_points(square):
+    references = follow(Planner(square), square.waypoints[0], 500)
     A = square.waypoints[0]
-    way = square.waypoints[1] - square.waypoints[0]
-    share = (x_d - A) @ way / (way @ way)
-    assert x_d == pytest.approx(A + share[:, None] * way, abs=1e-15)
-    assert (np.diff(share) > 0.0).all()
+    line = square.waypoints[1] - A
+    fraction = (column(references, 'x_d') - A) @ line / (line @ line)
+    assert column(references, 'x_d') == pytest.approx(A + fraction[:, None] * line, abs=1e-15)
+    assert (np.diff(fraction) > 0.0).all()
+    assert not references[0].dx.any()
+    still = follow(Planner(replace(square, feedback_gain=0.0)), A, 500)
+    assert np.linalg.norm(still[-1].dx) < 1e-4  # 30 * 0.002^2 * 0.1 m / 0.5 s
 
 
 def test_the_desired_velocity_is_the_derivative_of_the_desired_position(square):
@@ -75,106 +87,94 @@ def test_the_desired_velocity_is_the_derivative_of_the_desired_position(square):
     assert (feed_forward[1:] + feed_forward[:-1]) / 2 == pytest.approx(differences, abs=1e-5)
 
 
-def test_a_segment_begins_and_ends_at_rest(square):
-    square = replace(square, feedback_gain=0.0)
-    references = follow(Planner(square), square.waypoints[0], 501)
-    assert not references[0].dx.any()
-    assert np.linalg.norm(references[499].dx) < 1e-4  # 30 * 0.002^2 * 0.1 m / 0.5 s
-
-
 def test_feedback_adds_the_gain_times_the_error(square):
     x = square.waypoints[0] + (0.01, -0.02, 0.03)
-    t = 0.2
-    with_feedback, without = (
-        Planner(replace(square, feedback_gain=gain)).reference(x, t) for gain in (7.0, 0.0)
+    closed, open_loop = (
+        Planner(replace(square, feedback_gain=gain)).reference(x, 0.2) for gain in (7.0, 0.0)
     )
-    assert with_feedback.error == pytest.approx(with_feedback.x_d - x, abs=0.0)
-    assert with_feedback.dx - without.dx == pytest.approx(
-        7.0 * with_feedback.error, abs=1e-15
-    )  # Eq. (37)
+    assert (closed.error == closed.x_d - x).all()
+    assert closed.dx - open_loop.dx == pytest.approx(7.0 * closed.error, abs=1e-15)  # Eq. (37)
+
+
+def test_the_feedback_is_limited_in_speed_but_not_in_direction(square):
+    error = np.array((0.3, -0.4, 0.0))
+    x = square.waypoints[0] - error
+    assert Planner(square, feedback_limit=0.2).reference(x, 0.0).dx == pytest.approx(0.4 * error)
+    assert Planner(square).reference(x, 0.0).dx == pytest.approx(square.feedback_gain * error)
+
+
+def test_the_rate_slows_the_path_down_but_not_the_feedback(square):
+    x = square.waypoints[0] + (0.0, 0.01, 0.0)
+    whole, half, none = (Planner(square).reference(x, 0.2, rate=rate) for rate in (1.0, 0.5, 0.0))
+    assert half.dx == pytest.approx((whole.dx + none.dx) / 2.0)
+    assert none.dx == pytest.approx(square.feedback_gain * whole.error)
 
 
 # --- from one segment to the next -----------------------------------------------------------------
 
 
-def test_segments_are_numbered_from_one_and_begin_when_the_last_one_is_over(square):
+def test_segments_follow_each_other_and_the_last_one_finishes(square):
     references = follow(Planner(square), square.waypoints[0], 1600)
-    assert list(column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]) == [
-        1,
-        1,
-        2,
-        2,
-        3,
-        3,
-        3,
-    ]
-
-
-def test_the_planner_finishes_with_the_last_segment(square):
-    finished = column(follow(Planner(square), square.waypoints[0], 1600), 'finished')
+    segments = column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]
+    assert segments.tolist() == [1, 1, 2, 2, 3, 3, 3]
+    finished = column(references, 'finished')
     assert not finished[:1500].any()
     assert finished[1500:].all()
 
 
-def test_at_rest_waits_for_the_tip_to_arrive(square):
+def test_at_rest_holds_the_next_point_until_the_tip_arrives(square):
     planner = Planner(square)
     late = square.waypoints[0]
-    assert [planner.reference(late, t).segment for t in (0.0, 0.5, 0.7)] == [1, 1, 1]
-    reference = planner.reference(square.waypoints[1] + (0.0, 0.0, 0.0009), 0.8)
-    assert reference.segment == 2
-    assert reference.x_d == pytest.approx(
-        square.waypoints[1], abs=0.0
-    )  # the second segment begins at its own time 0
-
-
-def test_while_it_waits_the_next_point_is_held(square):
-    planner = Planner(square)
     for t in (0.5, 0.6, 5.0):
-        reference = planner.reference(square.waypoints[0], t)
+        reference = planner.reference(late, t)
+        assert reference.segment == 1
         assert (reference.x_d == square.waypoints[1]).all()
-        assert reference.dx == pytest.approx(
-            10.0 * (square.waypoints[1] - square.waypoints[0]), abs=1e-15
-        )
+        assert reference.dx == pytest.approx(10.0 * (square.waypoints[1] - late), abs=1e-15)
+    near = square.waypoints[1] + (0.0, 0.0, 0.0009)
+    reference = planner.reference(near, 5.1)
+    assert reference.segment == 2
+    assert (reference.x_d == square.waypoints[1]).all()  # at its own time 0
+    middle = planner.reference(near, 5.35)
+    assert middle.x_d == pytest.approx((square.waypoints[1] + square.waypoints[2]) / 2, abs=1e-12)
 
 
 def test_within_tolerance_goes_on_before_the_time_is_over(square):
-    references = follow(
-        Planner(replace(square, switching='within_tolerance')), square.waypoints[0], 600
-    )
-    segments = column(references, 'segment')
+    planner = Planner(replace(square, switching='within_tolerance'))
+    segments = column(follow(planner, square.waypoints[0], 600), 'segment')
     # 0.1 m to go and 1 mm tolerance: 1 - s(xi) = 0.01 at xi = 0.89
     assert np.argmax(segments == 2) == pytest.approx(0.89 * 500, abs=5)
 
 
 def test_within_tolerance_does_not_skip_points_in_one_tick(square):
-    square = replace(square, switching='within_tolerance', waypoints=square.waypoints[[0, 1, 1, 2]])
-    planner = Planner(square)
-    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.4, 0.401)] == [
-        1,
-        2,
-        3,
-    ]
-
-
-def test_a_segment_that_begins_late_takes_as_long_as_any_other(square):
-    planner = Planner(square)
-    planner.reference(square.waypoints[0], 0.0)
-    planner.reference(square.waypoints[1], 0.8)
-    middle = planner.reference(square.waypoints[1], 1.05)
-    assert middle.x_d == pytest.approx((square.waypoints[1] + square.waypoints[2]) / 2, abs=1e-12)
+    points = square.waypoints[[0, 1, 1, 2]]
+    planner = Planner(replace(square, switching='within_tolerance', waypoints=points))
+    segments = [planner.reference(points[1], t).segment for t in (0.0, 0.4, 0.401)]
+    assert segments == [1, 2, 3]
 
 
 def test_the_last_point_is_held_with_feedback(square):
     planner = Planner(square)
     follow(planner, square.waypoints[0], 1501)
-    pushed = square.waypoints[-1] + (0.05, 0.0, 0.0)
-    reference = planner.reference(pushed, 100.0)
+    reference = planner.reference(square.waypoints[-1] + (0.05, 0.0, 0.0), 100.0)
     assert reference.finished
     assert (reference.x_d == square.waypoints[-1]).all()
     assert reference.dx == pytest.approx((-0.5, 0.0, 0.0), abs=1e-12)
 
 
-# --- the way to the first point -------------------------------------------------------------------
+def test_what_a_singularity_blocks_keeps_no_segment_from_ending_but_the_last(square):
+    planner = Planner(square)
+    below = np.array((0.0, 0.0, -0.02))
+    blocked = np.array((0.0, 0.0, 0.2))  # all of k_P e
+    beside = square.waypoints[1] + below
+    planner.reference(square.waypoints[0], 0.0)
+    for t, unachieved in ((0.6, None), (0.7, np.zeros(3))):
+        assert planner.reference(beside, t, unachieved=unachieved).segment == 1
+    assert planner.reference(beside, 0.8, unachieved=blocked).segment == 2
+    assert planner.reference(square.waypoints[2], 1.3).segment == 3
+    assert not planner.reference(square.waypoints[3] + below, 9.0, unachieved=blocked).finished
+
+
+# --- the approach of the first point --------------------------------------------------------------
 
 
 def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
@@ -182,15 +182,15 @@ def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point
     references = follow(Planner(square, start), start, 1100)
     assert (references[0].x_d == start).all()
     assert not references[0].dx.any()
-    assert list(column(references, 'segment')[[0, 499, 500, 1000]]) == [0, 0, 1, 2]
+    assert column(references, 'segment')[[0, 499, 500, 1000]].tolist() == [0, 0, 1, 2]
     assert references[500].x_d == pytest.approx(square.waypoints[0], abs=1e-12)
 
 
 @pytest.mark.parametrize(('offset', 'turn'), [(0.6, 0.0), (0.6, 2.0), (0.0, 2.0)])
-def test_the_way_to_the_first_point_is_no_faster_than_the_task(square, offset, turn):
+def test_the_approach_is_no_faster_than_the_task(square, offset, turn):
     start = square.waypoints[0] + (0.0, offset, 0.0)
-    R = Rotation.from_rotvec((0.0, 0.0, turn)).as_matrix()
-    task = replace(square, orientations=np.tile(np.eye(3), (4, 1, 1)), feedback_gain=0.0)
+    R = turned((0.0, 0.0, turn))[0]
+    task = replace(square, orientations=np.tile(EYE, (4, 1, 1)), feedback_gain=0.0)
     planner = Planner(task, start, R)
     references = [planner.reference(start, 0.01 * k, R) for k in range(400)]
     assert set(column(references, 'segment')) == {0}
@@ -202,7 +202,7 @@ def test_the_way_to_the_first_point_is_no_faster_than_the_task(square, offset, t
 
 
 @pytest.mark.parametrize('start', [None, np.array((0.4, 0.004, 0.5))])
-def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
+def test_a_tip_that_starts_at_the_first_point_has_no_approach(square, start):
     reference = Planner(square, start).reference(square.waypoints[0], 0.0)
     assert reference.segment == 1
     assert (reference.x_d == square.waypoints[0]).all()
@@ -211,7 +211,7 @@ def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
 # --- arrays ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('t', [0.0, 0.25, 0.6, 9.0])
+@pytest.mark.parametrize('t', [0.0, 0.25, 9.0])
 def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
     used = Planner(square)
     untouched = Planner(square)
@@ -219,48 +219,15 @@ def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
         for k in range(3):
             planner.reference(square.waypoints[k + 1], 0.5 * (k + 1))
     reference = used.reference(square.waypoints[-1], 1.5 + t)
+    for array in (reference.dx, reference.x_d, reference.error):
+        array[:] = np.nan
+    again = used.reference(square.waypoints[-1], 1.5 + t)
+    expected = untouched.reference(square.waypoints[-1], 1.5 + t)
     for name in ('dx', 'x_d', 'error'):
-        getattr(reference, name)[:] = np.nan
-    again, expected = (
-        planner.reference(square.waypoints[-1], 1.5 + t) for planner in (used, untouched)
-    )
-    assert all(
-        (getattr(again, name) == getattr(expected, name)).all() for name in ('dx', 'x_d', 'error')
-    )
-
-
-def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):
-    error = np.array((0.3, -0.4, 0.0))
-    held = Planner(task, feedback_limit=0.2).reference(task.waypoints[0] - error, 0.0)
-    assert held.dx == pytest.approx(0.2 * error / 0.5)
-    assert Planner(task).reference(task.waypoints[0] - error, 0.0).dx == pytest.approx(
-        task.feedback_gain * error
-    )
+        assert (getattr(again, name) == getattr(expected, name)).all()
 
 
 # --- orientations ---------------------------------------------------------------------------------
-
-
-def turned(*rotation_vectors: tuple[float, float, float]) -> np.ndarray:
-    return np.array([Rotation.from_rotvec(vector).as_matrix() for vector in rotation_vectors])
-
-
-@pytest.fixture
-def turning(square: WaypointTask) -> WaypointTask:
-    """The square, with the tip turned another way at each of its four points."""
-    turns = turned((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.4, 0.0), (0.0, 0.0, -0.3))
-    return replace(square, orientations=turns)
-
-
-def follow_pose(planner: Planner, x: np.ndarray, R: np.ndarray, ticks: int) -> list[Reference]:
-    """References for an ideal tip that moves and turns."""
-    references = []
-    for k in range(ticks):
-        reference = planner.reference(x, k * T, R)
-        references.append(reference)
-        x = x + T * reference.dx[:3]
-        R = Rotation.from_rotvec(T * reference.dx[3:]).as_matrix() @ R
-    return references
 
 
 def test_without_an_orientation_the_reference_has_three_rows(square):
@@ -270,18 +237,15 @@ def test_without_an_orientation_the_reference_has_three_rows(square):
     assert reference.orientation_error is None
 
 
-def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning):
-    middle = Planner(turning).reference(turning.waypoints[0], 0.25, np.eye(3))
-    assert Rotation.from_matrix(middle.R_d).as_rotvec() == pytest.approx((0.25, 0.0, 0.0))
-    for t in (0.1, 0.2, 0.4):
-        reference = Planner(turning).reference(turning.waypoints[0], t, np.eye(3))
-        s, _ = quintic(t / 0.5)
-        expected = (0.5 * s, 0.0, 0.0)
-        assert Rotation.from_matrix(reference.R_d).as_rotvec() == pytest.approx(expected, abs=1e-12)
+@pytest.mark.parametrize('t', [0.1, 0.25, 0.4])
+def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning, t):
+    reference = Planner(turning).reference(turning.waypoints[0], t, EYE)
+    expected = (0.5 * quintic(t / 0.5)[0], 0.0, 0.0)
+    assert Rotation.from_matrix(reference.R_d).as_rotvec() == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
-    references = follow_pose(Planner(turning), turning.waypoints[0], np.eye(3), 1600)
+    references = follow(Planner(turning), turning.waypoints[0], 1600, EYE)
     errors = np.linalg.norm(column(references, 'orientation_error'), axis=1)
     assert errors.max() < 1e-3  # T times the change of the angular velocity, over k_P
     assert references[-1].finished
@@ -289,8 +253,8 @@ def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
 
 
 def test_a_task_without_orientations_holds_the_first_one(square):
-    R = Rotation.from_rotvec((0.3, 0.0, 0.0)).as_matrix()
-    references = follow_pose(Planner(square), square.waypoints[0], R, 1600)
+    R = turned((0.3, 0.0, 0.0))[0]
+    references = follow(Planner(square), square.waypoints[0], 1600, R)
     assert all(reference.R_d == pytest.approx(R, abs=1e-12) for reference in references)
     assert np.abs(column(references, 'dx')[:, 3:]).max() < 1e-12
 
@@ -299,62 +263,25 @@ def test_a_point_is_reached_only_with_its_orientation(turning):
     planner = Planner(turning)
     end = turning.waypoints[1]
     askew = turned((0.5 - 0.011, 0.0, 0.0))[0]
-    assert planner.reference(end, 0.0, np.eye(3)).segment == 1
-    assert planner.reference(end, 0.6, askew).segment == 1
-    assert planner.reference(end, 0.7, turning.orientations[1]).segment == 2
+    states = ((0.0, EYE), (0.6, askew), (0.7, turning.orientations[1]))
+    assert [planner.reference(end, t, R).segment for t, R in states] == [1, 1, 2]
 
 
 def test_a_tip_that_is_turned_another_way_turns_first(turning):
-    R = Rotation.from_rotvec((0.0, 0.0, 0.5)).as_matrix()
-    planner = Planner(turning, turning.waypoints[0], R)
-    first = planner.reference(turning.waypoints[0], 0.0, R)
+    R = turned((0.0, 0.0, 0.5))[0]
+    first = Planner(turning, turning.waypoints[0], R).reference(turning.waypoints[0], 0.0, R)
     assert first.segment == 0
     assert not first.dx.any()
     assert first.R_d == pytest.approx(R)
 
 
-# --- a clock that is held back --------------------------------------------------------------------
-
-
-def test_the_rate_slows_the_way_down_but_not_the_feedback(square):
-    x = square.waypoints[0] + (0.0, 0.01, 0.0)
-    whole, half, none = (
-        Planner(square).reference(x, 0.2, rate=rate).dx for rate in (1.0, 0.5, 0.0)
-    )
-    assert half == pytest.approx((whole + none) / 2.0)
-    assert none == pytest.approx(square.feedback_gain * (Planner(square).reference(x, 0.2).error))
-
-
-def test_what_a_singularity_does_not_let_through_keeps_no_segment_from_ending(square):
-    planner = Planner(square)
-    beside = square.waypoints[1] + (0.0, 0.0, -0.02)
-    planner.reference(square.waypoints[0], 0.0)
-    waiting = planner.reference(beside, 0.6)
-    assert waiting.segment == 1
-    assert planner.reference(beside, 0.7, unachieved=np.zeros(3)).segment == 1
-    unachieved = np.array((0.0, 0.0, 0.2))  # all of k_P e
-    assert planner.reference(beside, 0.8, unachieved=unachieved).segment == 2
-
-
-def test_the_last_point_must_be_reached_all_the_same(square):
-    planner = Planner(square)
-    for k in range(3):
-        planner.reference(square.waypoints[k], 0.5 * k)
-    beside = square.waypoints[-1] + (0.0, 0.0, -0.02)
-    unachieved = np.array((0.0, 0.0, 0.2))
-    assert not planner.reference(beside, 9.0, unachieved=unachieved).finished
-
-
 def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
     start, end = square.waypoints[:2]
-    across = np.array((0.0, 0.0, 0.003))
-    on_the_way = start + np.array((0.2, 0.7, 1.1))[:, None] * (end - start)
-    segments = np.array((1.0, 1.0, 1.0))
-    assert square.path_deviation(on_the_way, segments) == pytest.approx(np.zeros(3), abs=1e-15)
-    assert square.path_deviation(on_the_way + across, segments) == pytest.approx(np.full(3, 0.003))
-    assert (
-        square.path_deviation(on_the_way + across, np.zeros(3)) == 0.0
-    ).all()  # before x_0: no line
+    on_the_line = start + np.array((0.2, 0.7, 1.1))[:, None] * (end - start)
+    across = on_the_line + np.array((0.0, 0.0, 0.003))
+    assert square.path_deviation(on_the_line, np.ones(3)) == pytest.approx(np.zeros(3), abs=1e-15)
+    assert square.path_deviation(across, np.ones(3)) == pytest.approx(np.full(3, 0.003))
+    assert not square.path_deviation(across, np.zeros(3)).any()  # before x_0: no line
 
 
 # --- a target that changes ------------------------------------------------------------------------
@@ -364,13 +291,13 @@ def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
 def test_a_tip_follows_a_jumping_target_within_speed_and_acceleration(square, speed):
     random = np.random.default_rng(3)
     x = square.waypoints[0]
-    follower = TargetFollower(square, x, np.eye(3), np.zeros(6), speed=speed, acceleration=1.0)
+    follower = TargetFollower(square, x, EYE, np.zeros(6), speed=speed)
     positions = []
     for k in range(8000):
         if k % 500 == 0 and k < 2500:
             target = square.waypoints[0] + random.normal(0.0, 0.3, 3)
             follower.set_target(target, turned(random.normal(0.0, 1.0, 3))[0])
-        positions.append(follower.reference(x, k * T, np.eye(3)).x_d)
+        positions.append(follower.reference(x, k * T, EYE).x_d)
     v = np.diff(positions, axis=0) / T
     a = np.diff(v, axis=0) / T
     assert 0.2 * (1.0 - 1e-3) < np.linalg.norm(v, axis=1).max() < speed * (1.0 + 1e-3)

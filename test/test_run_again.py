@@ -136,8 +136,8 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
         }
         set_parameters(run, **changes)
         run.run(0.5)
-        run.nodes['planner']._run._monitor.stuck_after = 1.0
-        run.nodes['planner']._run._monitor.give_up_after = 3.0
+        run.nodes['planner']._run.monitor.stuck_after = 1.0
+        run.nodes['planner']._run.monitor.give_up_after = 3.0
         run.graph.call('planner/home')
         nearest = np.inf
         while state(run) not in (TaskState.STUCK, TaskState.FINISHED):

@@ -13,6 +13,7 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
+from redres_ros.nodes import topics
 from redres_ros.nodes.conversions import (
     JointMapper,
     JointSample,
@@ -38,27 +39,14 @@ from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.topics import (
-    ACTIVE_LIMITS,
-    LATCHED,
-    MODE,
-    NEWEST,
-    PUBLISH,
-    REASON,
-    RECENT,
-    TASK_BEGUN,
-    TASK_STATE,
-    LatchedWords,
-    Telemetry,
-)
+from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, LatchedWords, Telemetry
 from redres_ros.parameter import param
-from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
-from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
-from redres_ros.planning.task_clock import TaskClock
+from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings, check_age
+from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import JointPositions, Rotation, TaskVelocity
+from redres_ros.types import JointPositions, Rotation
 
 # Fraction of a cycle that is left to controller and robot before the planner computes.
 _HEADSTART = 0.15
@@ -96,17 +84,10 @@ class PlannerNode(ManagedNode):
         self._joint_velocities = JointStateWriter(self._model.joint_names)
         self._joints = JointMapper(self._model.joint_names, self.get_logger().info)
         self._T = 1.0 / settings.rate
-        self._run = TaskExecutor(
-            self._T, TaskClock(self._T, settings.lockstep), ProgressMonitor(), settings.task_space
-        )
-        self._unachieved = UnachievedVelocity(
-            self._model, settings.task_space, self._T, END_OF_REACH
-        )
-        self._asked: TaskVelocity | None = None  # of the newest step
+        unachieved = UnachievedVelocity(self._model, settings.task_space, self._T, END_OF_REACH)
+        self._run = TaskExecutor(self._T, settings.task_space, settings.lockstep, unachieved)
         self._stamp = 0  # of the newest state [ns]
         self._q: JointPositions | None = None  # at the newest state
-        self._stop_reason = ''
-        self._mode = ''  # of the controller
         self._logged = ''  # on the log, of what happened to the goal
         self._published_start = 0  # stamp at which a task began [ns]
         self._create_interfaces()
@@ -116,28 +97,31 @@ class PlannerNode(ManagedNode):
     def _create_interfaces(self) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._joint_publisher = self.create_publisher(JointState, 'joint_velocity', PUBLISH)
-        self._words = LatchedWords(self, TASK_STATE)
-        self._begun_publisher = self.create_publisher(Time, TASK_BEGUN, LATCHED)
+        self._words = LatchedWords(self, topics.TASK_STATE)
+        self._begun_publisher = self.create_publisher(Time, topics.TASK_BEGUN, LATCHED)
         types = {
             'planner/desired_pose': PoseStamped,
             'planner/task_error': Float64,
             'planner/segment': Int32,
-            'planner/progress': Float64,
+            topics.PROGRESS: Float64,
         }
         self._telemetry = Telemetry(self, types)
         self._markers = Markers(self, self._frame, self._task.waypoints)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
-        self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
-        self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
-        self.create_subscription(String, MODE, self._on_mode, LATCHED)
-        self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
-        self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
-        self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
+        subscribe = self.create_subscription
+        subscribe(JointState, 'joint_states', self._on_state, topics.RECENT, raw=True)
+        subscribe(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
+        subscribe(String, topics.MODE, self._on_mode, LATCHED)
+        subscribe(String, topics.ACTIVE_LIMITS, self._on_limits, NEWEST)
+        subscribe(String, topics.REASON, self._on_stop_reason, LATCHED)
+        subscribe(PoseStamped, 'target_pose', self._on_target, PUBLISH)
         self.create_service(Trigger, 'planner/start', self._on_start)
         self.create_service(Trigger, 'planner/home', self._on_home)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
+
+    # --- states -----------------------------------------------------------------------------------
 
     def _on_state(self, message: JointState | bytes) -> None:
         if not self.configured:
@@ -152,7 +136,7 @@ class PlannerNode(ManagedNode):
             self._inputs.refuse('joint_states', error)
             return
         self._inputs.accept('joint_states')
-        self._report()
+        self._publish_state()
 
     def _enter_state(self, sample: JointSample) -> None:
         stamp = sample.stamp
@@ -161,16 +145,10 @@ class PlannerNode(ManagedNode):
         self._q = q
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        unachieved = None
-        if self._run.is_due and self._asked is not None:
-            unachieved = self._unachieved.of(stamp, q, x, self._asked)
-        step = self._run.enter_state(stamp, q, x, R, time.monotonic(), unachieved)
+        step = self._run.enter_state(stamp, q, x, R, time.monotonic())
         self._stamp = stamp
-        self._asked = None if step is None else step.dx
-        if step is not None:
-            self._publish(step, q, R)
-
-    def _publish(self, step: Step, q: JointPositions, R: Rotation) -> None:
+        if step is None:
+            return
         if step.dq is not None:
             self._joint_publisher.publish(self._joint_velocities.written(step.stamp, q, step.dq))
         if step.dx is not None:
@@ -191,19 +169,38 @@ class PlannerNode(ManagedNode):
         publish('segment', lambda: reference.segment)
 
     def _publish_state(self) -> None:
-        """Publish the state of the goal, and when its task began, if that has changed."""
+        """Publish the state of the goal and when its task began, and log what keeps it from its
+        end, if that has changed.
+        """
         if self._run.start_stamp != self._published_start:
             self._published_start = self._run.start_stamp
             self._begun_publisher.publish(to_time(self._published_start))
-        self._words.publish({TASK_STATE: self._run.state.value})
-
-    def _report(self) -> None:
-        """Publish the state of the goal, and log what keeps it from its end."""
-        self._publish_state()
+        self._words.publish({topics.TASK_STATE: self._run.state.value})
         remark = self._run.remark
         if remark and remark != self._logged:
             self.get_logger().warning(remark)
         self._logged = remark
+
+    # --- what robot and controller report ---------------------------------------------------------
+
+    def _on_scaling(self, message: Float64) -> None:
+        self._run.clock.set_scaling(message.data)
+
+    def _on_mode(self, message: String) -> None:
+        self._run.set_mode(one_line(message.data))
+
+    def _on_limits(self, message: String) -> None:
+        self._run.monitor.set_active_limits(one_line(message.data))
+
+    def _on_stop_reason(self, message: String) -> None:
+        reason = one_line(message.data)
+        is_news = reason and not self._run.stop_reason
+        self._run.set_stop_reason(reason)
+        if is_news and self._run.state in UNDER_WAY:
+            self.get_logger().warning(f'the robot has stopped, the task waits: {reason}')
+        self._publish_state()
+
+    # --- goals ------------------------------------------------------------------------------------
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
@@ -211,14 +208,12 @@ class PlannerNode(ManagedNode):
             q = self._check_ready()
             if self._run.state is TaskState.HOMING:
                 raise GoalError('the joints are moving to the start; planner/stop ends that')
-            stamp = to_nanoseconds(message.header.stamp)
-            self._goals.check_age(stamp, self._stamp, time.time_ns())
-            goal = self._goals.target(x, R, q)
+            check_age(to_nanoseconds(message.header.stamp), self._stamp, time.time_ns())
+            self._begin_goal(self._goals.target(x, R, q))
         except RedresError as error:
             self._inputs.refuse('target_pose', error)
             return
         self._inputs.accept('target_pose')
-        self._begin_goal(goal)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._respond('planner/start', response, self._start_task)
@@ -226,30 +221,13 @@ class PlannerNode(ManagedNode):
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._respond('planner/home', response, self._go_home)
 
-    def _start_task(self, q: JointPositions) -> str:
-        """Begin the task with the joints at q; returns what will happen."""
-        if self._run.state is TaskState.MOVING or self._run.is_paused:
-            return 'is running already; planner/stop ends it'
-        goal = self._goals.task()
-        self._begin_goal(goal)
-        home = self._announced_home(q)
-        if home:
-            return f'{home}, then begins; the task takes {goal.duration:.3g} s'
-        return f'begins as soon as the robot takes commands; takes {goal.duration:.3g} s'
-
-    def _go_home(self, q: JointPositions) -> str:
-        """Move the joints from q to the start of the task; returns what will happen."""
-        if self._run.state is TaskState.MOVING or self._run.is_paused:
-            raise GoalError('a task is running; planner/stop ends it')
-        self._begin_goal(self._goals.home())
-        return self._announced_home(q) or 'the joints are at its start already'
-
-    def _announced_home(self, q: JointPositions) -> str:
-        """Describes the motion from q to the start of the task; empty at the start."""
-        path = self._goals.path_home(q)
-        if path is None:
-            return ''
-        return f'the joints go to its start first, which takes {path.duration:.3g} s'
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        response.message = 'nothing is running'
+        if self._run.state in UNDER_WAY:
+            response.message = 'the arm comes to rest; planner/start begins the task again'
+        self._end()
+        return response
 
     def _respond(
         self, service: str, response: Trigger.Response, begin: Callable[[JointPositions], str]
@@ -267,16 +245,42 @@ class PlannerNode(ManagedNode):
             self._inputs.accept(service)
         return response
 
+    def _start_task(self, q: JointPositions) -> str:
+        """Begin the task with the joints at q; returns what will happen."""
+        if self._run.is_running:
+            return 'is running already; planner/stop ends it'
+        goal = self._goals.task()
+        self._begin_goal(goal)
+        home = self._announced_home(q)
+        if home:
+            return f'{home}, then begins; the task takes {goal.duration:.3g} s'
+        return f'begins as soon as the robot takes commands; takes {goal.duration:.3g} s'
+
+    def _go_home(self, q: JointPositions) -> str:
+        """Move the joints from q to the start of the task; returns what will happen."""
+        if self._run.is_running:
+            raise GoalError('a task is running; planner/stop ends it')
+        self._begin_goal(self._goals.home())
+        return self._announced_home(q) or 'the joints are at its start already'
+
+    def _announced_home(self, q: JointPositions) -> str:
+        """Describes the motion from q to the start of the task; empty at the start."""
+        path = self._goals.path_home(q)
+        return (
+            f'the joints go to its start first, which takes {path.duration:.3g} s' if path else ''
+        )
+
     def _check_ready(self) -> JointPositions:
         """Where the joints are; raises GoalError or LifeError if nothing may begin."""
         if not self.active:
             raise LifeError(f'the planner is {self.life}; activate it first')
-        if self._stop_reason:
-            raise GoalError(f'the robot has stopped: {self._stop_reason}; call sim/reset to go on')
+        stopped = self._run.stop_reason
+        if stopped:
+            raise GoalError(f'the robot has stopped: {stopped}; call sim/reset to go on')
         if self._q is None:
             raise GoalError('no joint_states received yet; expected them before a goal')
         # In lock-step the controller responds to its first state with the first task velocity.
-        if self._mode == 'inactive' and not self._settings.lockstep:
+        if self._run.mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
         return self._q
 
@@ -284,38 +288,11 @@ class PlannerNode(ManagedNode):
         self._run.begin(goal)
         self._publish_state()
 
-    def _on_scaling(self, message: Float64) -> None:
-        self._run.set_scaling(message.data)
-
-    def _on_mode(self, message: String) -> None:
-        self._mode = one_line(message.data)
-        self._run.set_mode(self._mode)
-
-    def _on_limits(self, message: String) -> None:
-        self._run.set_active_limits(one_line(message.data))
-
-    def _on_stop_reason(self, message: String) -> None:
-        stopped = one_line(message.data)
-        self._run.set_stop_reason(stopped)
-        if stopped and not self._stop_reason and self._run.state in UNDER_WAY:
-            self.get_logger().warning(f'the robot has stopped, the task waits: {stopped}')
-        self._stop_reason = stopped
-        self._report()
-
-    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        moved = self._run.state in UNDER_WAY
-        self._run.stop()
-        self._publish_state()
-        response.success = True
-        response.message = 'nothing is running'
-        if moved:
-            response.message = 'the arm comes to rest; planner/start begins the task again'
-        return response
+    # --- life cycle and health --------------------------------------------------------------------
 
     def _begin(self) -> None:
         if self._autostart:
-            self._run.begin(self._goals.task())
-        self._publish_state()
+            self._begin_goal(self._goals.task())
 
     def _end(self) -> None:
         self._run.stop()
@@ -335,15 +312,10 @@ class PlannerNode(ManagedNode):
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', values)
-        if not self.active:
-            return Health(WARN, self.life, values)
-        if self._stop_reason:
-            return Health(WARN, f'the robot has stopped: {self._stop_reason}', values)
-        if self._inputs.reasons:
-            return Health(WARN, self._inputs.reasons, values)
-        if self._run.remark:
-            return Health(WARN, self._run.remark, values)
-        return Health(OK, self._run.state.value, values)
+        stopped = self._run.stop_reason and f'the robot has stopped: {self._run.stop_reason}'
+        life = '' if self.active else self.life
+        warning = life or stopped or self._inputs.reasons or self._run.remark
+        return Health(WARN if warning else OK, warning or self._run.state.value, values)
 
 
 class WaitingPlannerNode(PlannerNode):

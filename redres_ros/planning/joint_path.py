@@ -1,6 +1,6 @@
 """A joint-space motion from rest to rest: all joints start and arrive together."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ _TURN = 2.0 * np.pi  # [rad]
 _MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the range
 
 
-@dataclass(frozen=True)
-class JointReference:
+class JointReference(NamedTuple):
     """The reference of a joint path at one tick; finished: the end is reached."""
 
     dq: JointVelocities
@@ -28,12 +27,9 @@ class JointReference:
 class JointPath:
     """The quintic of Eq. (36) for every joint, with feedback as in Eq. (37).
 
-    It takes as long as the slowest joint needs, so that no joint exceeds its velocity or its
-    acceleration, which may be infinite, on a path that is followed exactly. Feedback keeps to the
-    velocities, too.
-
-    Attributes:
-        duration: How long it takes [s].
+    Its duration [s] is what the slowest joint needs, so that no joint exceeds its velocity or its
+    acceleration, which may be infinite. Feedback keeps to the velocities, too. `turning` joints
+    have a range of more than a turn: their driver may report angles of one turn only.
     """
 
     def __init__(
@@ -42,24 +38,20 @@ class JointPath:
         q_end: JointPositions,
         velocity: JointVelocities,
         acceleration: JointAccelerations,
-        *,
-        turning: np.ndarray | None = None,
+        turning: np.ndarray | bool = False,
     ) -> None:
-        """A path, at its start; `turning`, (n,), says which joints have a range of more than a
-        turn, so that their driver may report angles of one turn only. None: no joint has.
-        """
         self._q_start = q_start.copy()
         self._delta = q_end - q_start
         self._velocity = velocity
-        self._turning = np.zeros(len(q_start), bool) if turning is None else turning
+        self._turning = turning  # (n,), or the same for all
         distance = np.abs(self._delta)
         by_speed = PEAK_SPEED * distance / velocity  # (n,) [s]
         by_acceleration = np.sqrt(PEAK_ACCELERATION * distance / acceleration)  # (n,) [s]
         self.duration = float(max(by_speed.max(), by_acceleration.max(), _SHORTEST))
 
     def reference(self, q: JointPositions, t: Seconds, rate: float = 1.0) -> JointReference:
-        """The reference for joints at q at a time since the path began, which advances by s T if
-        limits leave the fraction s; `rate` is a factor on the velocity along the path.
+        """The reference for joints at q, at a time since the path began; `rate` is a factor on the
+        velocity along the path, for a clock that is going slower.
         """
         s, ds = quintic(t / self.duration)
         q_d = self._q_start + s * self._delta  # Eq. (36)
@@ -76,8 +68,8 @@ def path_to(
     model: RobotModel,
     q: JointPositions,
     q_end: JointPositions,
-    fraction: float,
-    tolerance: float,
+    fraction: float = 0.25,
+    tolerance: float = 0.02,
 ) -> JointPath | None:
     """The motion of an arm from q to q_end, at a fraction of its velocity and acceleration limits;
     None if every joint is there to within the tolerance [rad].
@@ -91,9 +83,9 @@ def path_to(
     if np.abs(q_end - q).max() < tolerance:
         return None
     acceleration = np.array(model.arm.acceleration_limit or (np.inf,) * model.n)
-    return JointPath(q, q_end, fraction * model.dq_max, fraction * acceleration, turning=turning)
+    return JointPath(q, q_end, fraction * model.dq_max, fraction * acceleration, turning)
 
 
-def _whole_turns(angle: np.ndarray, turning: np.ndarray) -> np.ndarray:
-    """The whole turns in each angle (n,) [rad] of a turning joint, 0 for the others."""
+def _whole_turns(angle: JointPositions, turning: np.ndarray | bool) -> JointPositions:
+    """The whole turns in each angle of a turning joint, 0 for the others."""
     return np.where(turning, _TURN * np.round(angle / _TURN), 0.0)

@@ -11,27 +11,31 @@ import numpy as np
 from redres_ros.geometry import quintic, rotation_matrix
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.types import Position, Rotation, RotationVector, Seconds, TaskVelocity
+from redres_ros.types import (
+    Meters,
+    Position,
+    Rotation,
+    RotationVector,
+    Seconds,
+    TaskVelocity,
+    Velocity,
+)
 
-LEVER = 0.1  # [m] on which a turn is compared with a length
+_LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
 
+# A target that changes
+_ACCELERATION = 1.0  # [m/s^2]
 _GAIN = 3.0  # [1/s] speed for a distance near a target
 _DAMPING = 4.0  # times the gain: both poles are at -2 gain
 
 
 class Reference(NamedTuple):
-    """The reference at one tick.
+    """The reference at one tick: task velocity, desired position, and error x_d - x.
 
-    Attributes:
-        dx: Task velocity, (3,) [m/s], or (6,) with the angular part [rad/s] below.
-        x_d: Desired position.
-        error: x_d - x, (3,) [m].
-        segment: 1 for the segment to x_1 and so on, 0 for an approach to x_0.
-        finished: The last point is reached and held.
-        R_d: Desired orientation; None for a position alone.
-        orientation_error: The turn that is left; None likewise.
+    The segment is 1 to x_1 and so on, 0 on an approach to x_0; finished: the last point is reached
+    and held. Desired orientation and the turn that is left are None for a position alone.
     """
 
     dx: TaskVelocity
@@ -44,11 +48,7 @@ class Reference(NamedTuple):
 
 
 class ReferenceSource(Protocol):
-    """What leads the tip.
-
-    Attributes:
-        duration: How long it takes on a path that is followed exactly [s].
-    """
+    """What leads the tip; the duration [s] is that of a path that is followed exactly."""
 
     duration: Seconds
 
@@ -64,10 +64,8 @@ class ReferenceSource(Protocol):
         """The reference for a tip at x and R, without R for the position alone.
 
         Args:
-            x: Where the tip is.
             t: Time of the task since it began; it never goes back. Where the arm executes the
-                fraction s of the velocity, it goes on by s T.
-            R: Its orientation.
+                fraction s of the velocity, it advances by s T.
             unachieved: The part of the last dx that a singularity blocks.
             rate: Factor on the velocity along the path, for a clock that is going slower.
         """
@@ -82,9 +80,17 @@ class ReferenceSource(Protocol):
 class Planner(ReferenceSource):
     """Passes a task's points, one segment after the other, and then holds the last one.
 
-    The next segment begins at the first tick at which this one is over; WaypointTask.switching says
-    when that is. A point that can be reached no better, because of what is unachieved, does not
-    keep a segment from ending; the last point must still be reached.
+    The next segment begins at the first tick at which this one is over; WaypointTask says when that
+    is. A point that can be reached no better, because of what is unachieved, does not keep a
+    segment from ending; the last point must still be reached.
+
+    A tip that starts farther than 5 mm from x_0 has a first segment of its own to there, no faster
+    than the fastest one of the task. A task without orientations holds the first one.
+
+    Args:
+        feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
+            orientation. Errors that need more come from an interruption, and a jump in velocity
+            would be the response to them.
     """
 
     def __init__(
@@ -95,28 +101,14 @@ class Planner(ReferenceSource):
         *,
         feedback_limit: float = np.inf,
     ) -> None:
-        """A planner at the beginning of a task.
-
-        Args:
-            task: Points, and how to pass them.
-            x_start: Where the tip is. Unless it is x_0 to within 5 mm, a first segment of its own
-                leads to x_0, no faster than the fastest one of the task. None begins at x_0.
-            R_start: Its orientation; None begins as at x_0. A task that says nothing of
-                orientations holds the one with which it begins.
-            feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
-                orientation. Errors that need more come from an interruption, and a jump in velocity
-                would be the response to them.
-        """
         self._task = task
-        self._feedback = partial(limited, task.feedback_gain, feedback_limit)
+        self._feedback = partial(_feedback, task.feedback_gain, feedback_limit)
         self._points = task.waypoints.copy()  # (N, 3)
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._times = [task.segment_time] * task.segments  # [s]
         self._first_segment = 1
-        if self._is_away(x_start, R_start):
-            self._approach_from(x_start, R_start)
-        if self._turns is None and R_start is not None:
-            self._hold(R_start)
+        self._approach_from(x_start, R_start)
+        self._hold(R_start)
         self.duration = sum(self._times)
         self._index = 0  # of the segment; that of the last point when all is finished
         self._t_segment = 0.0  # [s] at which it began
@@ -131,8 +123,7 @@ class Planner(ReferenceSource):
         rate: float = 1.0,
     ) -> Reference:
         """As of ReferenceSource."""
-        if R is not None and self._turns is None:
-            self._hold(R)
+        self._hold(R)
         while not self._finished and self._is_over(x, t, R, unachieved):
             self._t_segment = t
             self._index += 1
@@ -187,8 +178,7 @@ class Planner(ReferenceSource):
             tolerances.append(self._task.orientation_tolerance)
         is_last = end == len(self._times)
         if unachieved is not None and not is_last and not is_early:
-            blocked = np.split(unachieved, len(errors))
-            errors = [self._reachable(*each) for each in zip(errors, blocked, strict=True)]
+            errors = list(map(self._reachable, errors, np.split(unachieved, len(errors))))
         return all(map(_is_short, errors, tolerances))
 
     def _reachable(self, error: np.ndarray, unachieved: np.ndarray) -> np.ndarray:
@@ -199,38 +189,30 @@ class Planner(ReferenceSource):
             return error
         return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
-    def _is_away(self, x_start: Position | None, R_start: Rotation | None) -> bool:
-        """Whether the tip has to go to x_0 first."""
-        if x_start is not None and np.linalg.norm(x_start - self._points[0]) > _START_TOLERANCE:
-            return True
-        if R_start is None or self._turns is None:
-            return False
-        turn = rotation_error(R_start, self._turns[0])
-        return bool(np.linalg.norm(turn) * LEVER > _START_TOLERANCE)
-
     def _approach_from(self, x_start: Position | None, R_start: Rotation | None) -> None:
-        """Add a segment to x_0 before the task."""
+        """Add a segment to x_0 before the task, unless the tip is there."""
         x = self._points[0] if x_start is None else x_start
-        self._points = np.vstack((x, self._points))
-        self._first_segment = 0
+        points = np.vstack((x, self._points))
+        turns = None
         if self._turns is not None:
             R = self._turns[0] if R_start is None else R_start
-            self._turns = np.concatenate((R[None], self._turns))
-        approach, *others = map(self._size, range(len(self._points) - 1))
-        longest = max(others) or approach
-        self._times.insert(0, self._task.segment_time * max(approach / longest, 1.0))
+            turns = np.concatenate((R[None], self._turns))
+        sizes = []  # [m]
+        for start in range(len(points) - 1):
+            turn = None if turns is None else rotation_error(turns[start], turns[start + 1])
+            sizes.append(pose_distance(points[start + 1] - points[start], turn))
+        if sizes[0] <= _START_TOLERANCE:
+            return
+        self._points = points
+        self._turns = turns
+        self._first_segment = 0
+        longest = max(sizes[1:]) or sizes[0]
+        self._times.insert(0, self._task.segment_time * max(sizes[0] / longest, 1.0))
 
-    def _size(self, start: int) -> float:
-        """Length of a segment [m]; a turn counts by its arc at a radius of 0.1 m."""
-        size = float(np.linalg.norm(self._points[start + 1] - self._points[start]))
-        if self._turns is None:
-            return size
-        turn = rotation_error(self._turns[start], self._turns[start + 1])
-        return max(size, LEVER * float(np.linalg.norm(turn)))
-
-    def _hold(self, R: Rotation) -> None:
-        """Hold this orientation at every point."""
-        self._turns = np.tile(R, (len(self._points), 1, 1))
+    def _hold(self, R: Rotation | None) -> None:
+        """Hold the first orientation that is known at every point of a task that has none."""
+        if self._turns is None and R is not None:
+            self._turns = np.tile(R, (len(self._points), 1, 1))
 
 
 class TargetFollower(ReferenceSource):
@@ -238,7 +220,12 @@ class TargetFollower(ReferenceSource):
 
     Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
     takes a straight line; near the target it is a critically damped spring. What is unachieved does
-    not count: only the target itself ends the motion.
+    not count: only the target itself ends the motion. At first the target is where the tip is, and
+    the mass goes on with its task velocity dx.
+
+    Args:
+        task: Has the feedback gain and the tolerances.
+        speed: Largest one, also of what feedback adds [m/s]; a turn is ten times as fast.
     """
 
     def __init__(
@@ -250,23 +237,10 @@ class TargetFollower(ReferenceSource):
         t: Seconds = 0.0,
         *,
         speed: float,
-        acceleration: float,
     ) -> None:
-        """A mass at x and R (None for the position alone) with the velocity dx.
-
-        Args:
-            task: Has the feedback gain and the tolerances.
-            x: Where the tip is.
-            R: Its orientation.
-            dx: The task velocity with which it goes on.
-            t: Time of the task now.
-            speed: Largest one, also of what feedback adds [m/s]; a turn is ten times as fast.
-            acceleration: Largest one [m/s^2]; of a turn ten times as many [rad/s^2].
-        """
         self._task = task
         self._speed = speed
-        self._acceleration = acceleration
-        self._feedback = partial(limited, task.feedback_gain, speed)
+        self._feedback = partial(_feedback, task.feedback_gain, speed)
         self._x = x
         self._R = R
         self._v = dx[:3]
@@ -294,7 +268,7 @@ class TargetFollower(ReferenceSource):
         if R is None or self._R is None or self._R_end is None:
             return Reference(dx, self._x, error, 1, is_there)
         turn = rotation_error(self._R, self._R_end)
-        self._w = self._next_velocity(turn, self._w, dt, 1.0 / LEVER)
+        self._w = self._next_velocity(turn, self._w, dt, 1.0 / _LEVER)
         self._R = rotation_matrix(dt * self._w).dot(self._R)
         turn_left = rotation_error(R, self._R)
         twist = np.concatenate((dx, rate * self._w + self._feedback(turn_left)))
@@ -303,40 +277,40 @@ class TargetFollower(ReferenceSource):
 
     def time_left(self, t: Seconds) -> Seconds:
         """About how long the motion still takes, whatever the time; 0 beside the target."""
-        distance = float(np.linalg.norm(self._x_end - self._x))
+        turn = None
         if self._R is not None and self._R_end is not None:
-            angle = float(np.linalg.norm(rotation_error(self._R, self._R_end)))
-            distance = max(distance, LEVER * angle)
-        return distance / self._speed if distance > self._task.tolerance else 0.0
+            turn = rotation_error(self._R, self._R_end)
+        left = pose_distance(self._x_end - self._x, turn)
+        return left / self._speed if left > self._task.tolerance else 0.0
 
     def elapsed(self, t: Seconds) -> Seconds:
         """As of ReferenceSource."""
         return max(self.duration - self.time_left(t), 0.0)
 
     def _next_velocity(
-        self, offset: np.ndarray, v: np.ndarray, dt: Seconds, scale: float
-    ) -> np.ndarray:
-        """The velocity after dt, (3,), from v (3,) at an offset (3,) from the target; scale is of
-        speed and acceleration: 1 for lengths, 1 / LEVER for turns.
+        self, offset: np.ndarray, v: Velocity, dt: Seconds, scale: float
+    ) -> Velocity:
+        """The velocity after dt, from v at an offset (3,) from the target; scale is of speed and
+        acceleration: 1 for lengths, 1 / _LEVER for turns.
         """
-        distance = float(np.linalg.norm(offset))
-        acceleration = scale * self._acceleration
-        braking = np.sqrt(acceleration * distance)  # with half of the acceleration
-        speed = min(_GAIN * distance, braking, scale * self._speed)
-        desired = offset * (speed / distance) if distance > 0.0 else np.zeros(3)
+        length = float(np.linalg.norm(offset))
+        acceleration = scale * _ACCELERATION
+        braking = np.sqrt(acceleration * length)  # with half of the acceleration
+        speed = min(_GAIN * length, braking, scale * self._speed)
+        desired = offset * (speed / length) if length > 0.0 else np.zeros(3)
         change = min(_DAMPING * _GAIN * dt, 1.0) * (desired - v)
         excess = float(np.linalg.norm(change)) / max(acceleration * dt, 1e-12)
         return v + change / max(excess, 1.0)
 
 
-def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
-    """The feedback k_P e of Eq. (37), (3,), no longer than the limit, which may be infinite.
+def pose_distance(line: Position, turn: RotationVector | None) -> Meters:
+    """Length of a motion; a turn counts by its arc on a lever of 0.1 m."""
+    length = float(np.linalg.norm(line))
+    return length if turn is None else max(length, _LEVER * float(np.linalg.norm(turn)))
 
-    Args:
-        gain: k_P [1/s].
-        limit: Of the feedback's norm, in its unit.
-        error: e, (3,).
-    """
+
+def _feedback(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
+    """The feedback k_P e of Eq. (37), (3,), no longer than the limit, which may be infinite."""
     feedback = gain * error
     x, y, z = feedback.tolist()
     excess = math.sqrt(x * x + y * y + z * z) / limit

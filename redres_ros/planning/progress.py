@@ -19,27 +19,22 @@ class ProgressMonitor:
     """Counts the time without progress.
 
     While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
-    error that becomes smaller.
-
-    Attributes:
-        stuck_after: Time without progress after which there is a remark [s].
-        give_up_after: Time without progress after which the goal is given up [s].
-        remark: Why there is no progress; empty until stuck_after.
+    error that becomes smaller. The remark says why there is none; it is empty until stuck_after.
     """
 
-    def __init__(self, stuck_after: Seconds = 5.0, give_up_after: Seconds = 30.0) -> None:
-        self.stuck_after = stuck_after
-        self.give_up_after = give_up_after
+    stuck_after = 5.0  # [s]
+    give_up_after = 30.0  # [s]
+
+    def __init__(self) -> None:
         self.begin()
 
     def begin(self) -> None:
         """A motion begins."""
-        self._idle = 0.0  # [s] without progress
         self.remark = ''
+        self._idle = 0.0  # [s] without progress
         self._segment = -1
         self._left = 0.0
         self._error = 0.0
-        self._distance = ''  # from the end, in words
         self._limits = ''  # that acted last, in words
 
     def set_active_limits(self, limits: str) -> None:
@@ -48,40 +43,29 @@ class ProgressMonitor:
 
     def enter(
         self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
-    ) -> None:
-        """Update the progress.
+    ) -> bool:
+        """Enter the seconds since the last call, and where the motion is; whether it is given up.
 
         Args:
-            seconds: Since the last call.
-            segment: Number of the current one.
-            left: Part of its time; 0 once it should be over.
-            error: Distance from its end, in any unit.
-            distance: The same in words.
+            left: Part of the segment's time; 0 once it should be over.
+            error: Distance from its end, in any unit; `distance` is the same in words.
         """
-        self._distance = distance
         goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
         comes_nearer = left <= 0.0 and error < _FRACTION * self._error
         if segment != self._segment or goes_on or comes_nearer:
+            self.begin()
             self._segment = segment
             self._left = left
             self._error = error
-            self._idle = 0.0
-            self.remark = ''
-            self._limits = ''
         else:
             self._idle += seconds
-        if self._idle >= self.stuck_after and not self.remark:
-            self.remark = self.reason(self.stuck_after)
-
-    @property
-    def is_hopeless(self) -> bool:
-        """Whether there was no progress for give_up_after."""
-        return self._idle >= self.give_up_after
-
-    def reason(self, seconds: Seconds) -> str:
-        """Why there has been no progress for so long, in words."""
-        parts = filter(None, (self._limits, self._distance))
-        return f'no progress for {seconds:g} s: {"; ".join(parts)}'
+        is_hopeless = self._idle >= self.give_up_after
+        if is_hopeless or (self._idle >= self.stuck_after and not self.remark):
+            limit = self.give_up_after if is_hopeless else self.stuck_after
+            where = f'{left:.3g} s of its time are left' if left > 0.0 else distance
+            reasons = '; '.join(filter(None, (self._limits, where)))
+            self.remark = f'no progress for {limit:g} s: {reasons}'
+        return is_hopeless
 
 
 class Standstill:

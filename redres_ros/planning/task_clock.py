@@ -23,9 +23,7 @@ class PathSpeed:
     asked for at the speed last executed, and gets faster again with a limited acceleration, leaves
     the law a null space in which joints calm down. A sudden s, of a few ticks, changes little.
 
-    Args:
-        fraction: Initial fraction; below 1 it rises at once: no limit has acted.
-        greedy: Always the nominal speed.
+    An initial fraction below 1 rises at once: no limit has acted. Greedy: always the nominal speed.
     """
 
     def __init__(self, fraction: float = 1.0, greedy: bool = False) -> None:
@@ -49,28 +47,21 @@ class PathSpeed:
 
 
 class TaskClock:
-    """The time of a task, which advances with the task scaling of the controller.
+    """The time t of a task [s], which advances at the rate s of the controller's task scaling: the
+    path is kept. While the controller holds or is silent, the time stands still.
 
-    If limits leave only a fraction of the task velocity, the task's time advances by that fraction,
-    and the path is kept. While the controller holds or is silent, the time stands still.
-
-    Attributes:
-        t: Time of the task [s].
-
-    Args:
-        T: The robot's cycle.
-        at_once: The controller follows until it says otherwise, and need not say so; for lock-step.
+    In lock-step the controller follows until it says otherwise, and need not say so.
     """
 
-    def __init__(self, T: Seconds, at_once: bool = False) -> None:
+    def __init__(self, T: Seconds, lockstep: bool) -> None:
         self.t = 0.0
         self._T = T
         self._speed = PathSpeed()
         self._limit = max(round(_PATIENCE / T), 1)  # cycles
-        self._at_once = at_once
-        self._scaling = 1.0 if at_once else 0.0
+        self._lockstep = lockstep
+        self._scaling = 1.0 if lockstep else 0.0
         self._silent = 0  # cycles since the last message of the controller
-        self._standing = 0 if at_once else self._limit  # cycles in which nothing was executed
+        self._standing = 0 if lockstep else self._limit  # cycles in which nothing was executed
 
     @property
     def rate(self) -> float:
@@ -89,10 +80,9 @@ class TaskClock:
 
     def set_scaling(self, scaling: float) -> None:
         """Record the fraction of the task velocity that is executed; NaN is no message."""
-        if math.isnan(scaling):
-            return
-        self._scaling = min(max(scaling, 0.0), 1.0)
-        self._silent = 0
+        if not math.isnan(scaling):
+            self._scaling = min(max(scaling, 0.0), 1.0)
+            self._silent = 0
 
     def begin(self) -> None:
         """The task begins, from rest and at its nominal speed."""
@@ -103,23 +93,15 @@ class TaskClock:
         """The task resumes from rest."""
         self._speed = PathSpeed(0.0)
 
-    def interrupt(self) -> None:
-        """The task waits for a message of the controller, unless it need not send any."""
-        if not self._at_once:
-            self._scaling = 0.0
-            self._standing = self._limit
-
     def advance(self, cycles: Cycles) -> None:
-        """Some cycles of the robot have passed; after more than the controller would go on without
-        a task velocity it has to report again.
+        """Some cycles of the robot have passed; 0 for a new robot. It, and more cycles than the
+        controller would go on without a task velocity, make the controller report again.
         """
         self._silent += cycles
-        if self._silent > self._limit:
-            self.interrupt()
-        if self._scaling > 0.0:
-            self._standing = 0
-        else:
-            self._standing += cycles
+        if (cycles == 0 or not self.is_receiving) and not self._lockstep:
+            self._scaling = 0.0
+            self._standing = self._limit
+        self._standing = 0 if self._scaling > 0.0 else self._standing + cycles
         if self.follows:
             self.t += self.rate * self._scaling * cycles * self._T
             self._speed.advance(self._scaling, cycles * self._T)

@@ -18,7 +18,7 @@ from redres_ros.robots import Arm
 from redres_ros.robots.from_urdf import square_before_tip
 from redres_ros.types import JointPositions, Points, Seconds
 
-NODES = ('sim', 'controller', 'planner')  # of a demo
+_NODES = ('sim', 'controller', 'planner')  # of a demo
 _SWITCHING = ('at_rest', 'within_tolerance')
 
 _FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
@@ -40,20 +40,14 @@ class WaypointTask:
 
     The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
     'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
-    the task velocity.
-
-    Args:
-        start: Joint positions q(0), in [m] of a linear joint.
-        waypoints: Points in the base frame, x_0 being f(q(0)).
-        orientations: Orientations of the tip at the points, (N + 1, 3, 3); None leaves them free.
-        nodes: Parameters of the nodes in a demo, by the node: what the tip touches, how it yields.
-        events: Changes of these during the motion.
+    the task velocity. `nodes` has parameters of the nodes in a demo, by the node: what the tip
+    touches, how it yields; `events` are changes of these during the motion.
     """
 
     robot: str
-    start: JointPositions
-    waypoints: Points
-    orientations: np.ndarray | None = None
+    start: JointPositions  # q(0), in [m] of a linear joint
+    waypoints: Points  # in the base frame, x_0 being f(q(0))
+    orientations: np.ndarray | None = None  # (N + 1, 3, 3) at the points; None leaves them free
     segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
     feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
     tolerance: float = param(
@@ -82,12 +76,8 @@ class WaypointTask:
             )
 
     def path_deviation(self, x: Points, segment: np.ndarray) -> np.ndarray:
-        """Distances of positions from the straight lines of their segments, (N,) [m].
-
-        Args:
-            x: The positions.
-            segment: (N,) number of each one's segment. Segment 0 leads to x_0 from anywhere, so it
-                has no line: its distances are 0.
+        """Distances of positions from the straight lines of their segments, (N,) [m], by the number
+        of each one's segment, (N,). Segment 0 leads to x_0 from anywhere: its distances are 0.
         """
         ends = np.maximum(segment.astype(int), 1)
         start = self.waypoints[ends - 1]
@@ -151,15 +141,15 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
         except _UnexpectedError as error:
             raise FileError(f'{path}: {key} is {quoted(value)}; expected {error}') from None
     turns = given.pop('quaternions', given.pop('rpy', None))
-    if turns is not None:
-        count = len(given['waypoints'])
-        if len(turns) not in (1, count):
-            raise FileError(
-                f'{path}: {len(turns)} orientations; expected one row, or one for each of the '
-                f'{count} points'
-            )
-        given['orientations'] = np.broadcast_to(turns, (count, 3, 3)).copy()
-    return WaypointTask(**given)
+    if turns is None:
+        return WaypointTask(**given)
+    count = len(given['waypoints'])
+    if len(turns) not in (1, count):
+        raise FileError(
+            f'{path}: {len(turns)} orientations; expected one row, or one for each of the '
+            f'{count} points'
+        )
+    return WaypointTask(**given, orientations=np.broadcast_to(turns, (count, 3, 3)).copy())
 
 
 def _read_name(value: Any) -> str:
@@ -231,28 +221,27 @@ def _read_nodes(value: Any) -> dict[str, dict[str, Any]]:
 def _read_events(value: Any) -> tuple[TaskEvent, ...]:
     if not isinstance(value, list):
         raise _UnexpectedError('a list')
-    return tuple(_read_event(event) for event in value)
-
-
-def _read_event(value: Any) -> TaskEvent:
-    if not (isinstance(value, dict) and {'at', 'node'} < value.keys()):
-        raise _UnexpectedError('events with at [s], node, and parameters')
-    own = {key: value[key] for key in value if key not in ('at', 'node')}
-    return TaskEvent(_read_number(value['at']), _read_node(value['node']), _read_parameters(own))
+    events = []
+    for given in value:
+        if not (isinstance(given, dict) and {'at', 'node'} < given.keys()):
+            raise _UnexpectedError('events with at [s], node, and parameters')
+        own = dict(given)
+        at = _read_number(own.pop('at'))
+        node = _read_node(own.pop('node'))
+        events.append(TaskEvent(at, node, _read_parameters(own)))
+    return tuple(events)
 
 
 def _read_node(name: Any) -> str:
-    if name not in NODES:
-        raise _UnexpectedError(f'a node among {", ".join(NODES)}, not {quoted(name)}')
+    if name not in _NODES:
+        raise _UnexpectedError(f'a node among {", ".join(_NODES)}, not {quoted(name)}')
     return str(name)
 
 
 def _read_parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
     """Values by name, arrays as tuples."""
-    return {
-        str(name): tuple(value) if isinstance(value, list) else value
-        for name, value in given.items()
-    }
+    tuples = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
+    return {str(name): value for name, value in {**given, **tuples}.items()}
 
 
 _REQUIRED = ('robot', 'start', 'waypoints')
