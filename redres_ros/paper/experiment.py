@@ -35,7 +35,7 @@ _NO_STOP = 100.0  # factor on the acceleration limits: far beyond what any law c
 
 
 @dataclass(frozen=True)
-class Sensing:
+class _Sensing:
     """How an experiment sees its arm. By default it sees every position exactly and at once.
 
     Attributes:
@@ -50,14 +50,14 @@ class Sensing:
     seed: int = 0
 
 
-def as_in_the_paper(seed: int) -> Sensing:
+def as_in_the_paper(seed: int) -> _Sensing:
     """Encoders and a recorder like those of Section 6, and a start between two states.
 
     The paper names rounding, experiments that are not synchronised, and ROS, which does not
     guarantee that all joint positions are taken at the same time.
     """
     phase = float(np.random.default_rng(seed).uniform())
-    return Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)
+    return _Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def experiment(
     task: WaypointTask,
     arm: Arm,
     *,
-    sensing: Sensing | None = None,
+    sensing: _Sensing | None = None,
     stops: bool = True,
 ) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
@@ -135,7 +135,7 @@ def experiment(
     is computed from the state of tick k is used from tick k + 1. The robot limits speeds as
     it does for the nodes; if `stops`, it also stops at accelerations beyond its limits.
     """
-    sensing = sensing or Sensing()
+    sensing = sensing or _Sensing()
     plant = MujocoPlant(arm, client.T, task.start)
     limits = JointLimits.of(arm)
     if not stops:
@@ -212,7 +212,7 @@ class _Arm:
         shown: Measured positions since then, some of them a cycle late, (n,) [rad] each.
     """
 
-    def __init__(self, robot: FakeRobot, sensing: Sensing) -> None:
+    def __init__(self, robot: FakeRobot, sensing: _Sensing) -> None:
         self._robot = robot
         self._late = sensing.recorded_late
         self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders

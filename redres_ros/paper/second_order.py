@@ -104,7 +104,7 @@ class TorqueScheme(Scheme):
 
 
 @dataclass(frozen=True)
-class MinimumWeightedTorqueScheme(TorqueScheme):
+class _MinimumWeightedTorqueScheme(TorqueScheme):
     """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in
     Eq. (18).
     """
@@ -121,7 +121,7 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
 
 
 @dataclass(frozen=True)
-class DynamicallyConsistentScheme(TorqueScheme):
+class _DynamicallyConsistentScheme(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
     def torque(
@@ -144,7 +144,7 @@ class DynamicallyConsistentScheme(TorqueScheme):
 
 
 @dataclass(frozen=True)
-class MinimumTorqueScheme(TorqueScheme):
+class _MinimumTorqueScheme(TorqueScheme):
     """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1,
     (A.13) with y = tau.
 
@@ -173,9 +173,9 @@ class MinimumTorqueScheme(TorqueScheme):
 # Each scheme has the name of the velocity law that is made from it. Laws of first order have none.
 SCHEMES: dict[str, type[Scheme]] = {
     'minimum_acceleration': MinimumAccelerationScheme,
-    'minimum_weighted_torque': MinimumWeightedTorqueScheme,
-    'dynamically_consistent': DynamicallyConsistentScheme,
-    'minimum_torque': MinimumTorqueScheme,
+    'minimum_weighted_torque': _MinimumWeightedTorqueScheme,
+    'dynamically_consistent': _DynamicallyConsistentScheme,
+    'minimum_torque': _MinimumTorqueScheme,
 }
 
 

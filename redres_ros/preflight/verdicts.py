@@ -206,23 +206,30 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
 
 
 def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> _Verdicts:
-    ours = [state for state in states if set(limits.joint_names) & state.positions.keys()]
-    if states and not ours:
-        got = ', '.join(states[-1].positions)
-        wanted = ', '.join(limits.joint_names)
-        yield _fault('joints', f'{STATES} holds {got}; expected {wanted}')
+    names = limits.joint_names
+    ours = [state for state in states if set(names) & state.positions.keys()]
     if not ours:
+        if states:
+            got = ', '.join(states[-1].positions)
+            yield _fault('joints', f'{STATES} holds {got}; expected {", ".join(names)}')
         return
     positions = ours[-1].positions
-    missing = [name for name in limits.joint_names if name not in positions]
+    missing = [name for name in names if name not in positions]
     if missing:
         yield _fault('joints', f'{STATES} lacks {", ".join(missing)}')
         return
-    others = ', '.join(name for name in positions if name not in limits.joint_names)
+    others = ', '.join(name for name in positions if name not in names)
     ignored = f'; ignored: {others}' if others else ''
-    yield _ok('joints', f'all {len(limits.joint_names)}{ignored}')
-    yield _judge_positions(np.array([positions[name] for name in limits.joint_names]), limits)
-    yield from _judge_standstill(ours[0], ours[-1], limits.joint_names)
+    yield _ok('joints', f'all {len(names)}{ignored}')
+    q = np.array([positions[name] for name in names])
+    yield _judge_positions(q, limits)
+    elapsed = (ours[-1].stamp - ours[0].stamp) / 1e9  # [s]
+    if elapsed > 0.0 and ours[0].positions.keys() >= set(names):
+        q_0 = np.array([ours[0].positions[name] for name in names])
+        speeds = np.abs(q - q_0) / elapsed
+        if speeds.max() > _MOVING:
+            fastest = names[int(np.argmax(speeds))]
+            yield _note('standstill', f'the arm moves: {fastest} at {speeds.max():.3g}/s')
 
 
 def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
@@ -239,16 +246,6 @@ def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
     return _ok('positions', 'inside all ranges')
 
 
-def _judge_standstill(first: StateSeen, last: StateSeen, names: tuple[str, ...]) -> _Verdicts:
-    elapsed = (last.stamp - first.stamp) / 1e9  # [s]
-    if elapsed <= 0.0 or not first.positions.keys() >= set(names):
-        return
-    speeds = [abs(last.positions[name] - first.positions[name]) / elapsed for name in names]
-    if max(speeds) > _MOVING:
-        fastest = names[int(np.argmax(speeds))]
-        yield _note('standstill', f'the arm moves: {fastest} at {max(speeds):.3g}/s')
-
-
 def _judge_description(
     description: str, expected: ExpectedArm, tip_frame: str, limits: JointLimits
 ) -> _Verdicts:
@@ -258,11 +255,9 @@ def _judge_description(
     except RedresError as error:
         yield _note('limits', f'the URDF on {DESCRIPTION} is of another arm: {error}')
         return
-    for j, name in enumerate(limits.joint_names):
-        if name not in published.joint_names:
-            continue
-        theirs = _limits_of(published, published.joint_names.index(name))
-        ours = _limits_of(limits, j)
+    theirs_of = _by_joint(published)
+    for name, ours in _by_joint(limits).items():
+        theirs = theirs_of.get(name, ours)
         excess = max(theirs[0] - ours[0], ours[1] - theirs[1]) - expected.margin
         if max(excess, ours[2] - theirs[2]) > _SAME:
             texts = ['{:.3f} to {:.3f} at {:.3f}/s'.format(*each) for each in (theirs, ours)]
@@ -270,8 +265,10 @@ def _judge_description(
             yield _fault('limits', text)
 
 
-def _limits_of(limits: JointLimits, j: int) -> tuple[float, float, float]:
-    return limits.lower[j], limits.upper[j], limits.velocity[j]
+def _by_joint(limits: JointLimits) -> dict[str, tuple[float, float, float]]:
+    """Lower and upper position limit and velocity limit, by joint."""
+    rows = zip(limits.lower, limits.upper, limits.velocity, strict=True)
+    return dict(zip(limits.joint_names, rows, strict=True))
 
 
 def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> _Verdicts:
