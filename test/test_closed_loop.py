@@ -195,7 +195,9 @@ def test_a_point_out_of_reach_ends_the_loop_in_time_and_says_so():
 # --- limits, and the clock that goes on by s T ----------------------------------------------------
 
 BOX = ('position', 'velocity', 'acceleration')
-LIMITED = pytest.mark.parametrize(
+
+
+@pytest.mark.parametrize(
     ('law', 'scale', 't_end', 'least'),
     [
         ('minimum_velocity', 1.0, 9.080, 0.318),
@@ -204,51 +206,25 @@ LIMITED = pytest.mark.parametrize(
         ('minimum_acceleration', 0.5, 9.786, 0.127),
     ],
 )
-
-
-@cache
-def limited(law: str, scale: float) -> Recording:
+def test_within_limits_the_path_is_kept_and_only_time_is_stretched(law, scale, t_end, least):
     controller = Controller(MODEL, make_law(law), T, limits=BOX, limit_scale=scale)
-    return run(controller, TASK)
-
-
-@LIMITED
-def test_within_limits_the_task_takes_the_time_expected(law, scale, t_end, least):
-    recording = limited(law, scale)
+    recording = run(controller, TASK)
     assert recording.finished
     assert recording['t'][-1] == pytest.approx(t_end, abs=0.0021)  # one tick
     assert recording['task_scaling'].min() == pytest.approx(least, abs=0.003)
-
-
-@LIMITED
-def test_no_joint_goes_beyond_the_limits(law, scale, t_end, least):
-    dq = limited(law, scale).vectors('dq1')
+    assert recording['task_error'].max() < 0.5e-3
+    dq = recording.vectors('dq1')
     ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
     assert (np.abs(dq) <= scale * MODEL.dq_max * (1.0 + 1e-12)).all()
     assert (np.abs(ddq) <= scale * np.array(MODEL.arm.acceleration_limit) * (1.0 + 1e-9)).all()
-
-
-@LIMITED
-def test_the_path_is_kept_and_only_time_is_stretched(law, scale, t_end, least):
-    assert limited(law, scale)['task_error'].max() < 0.5e-3
-
-
-def distance_from_path(recording: Recording, task: WaypointTask) -> np.ndarray:
-    """Of the tip from the straight line of its segment, (N,) [m]."""
-    x = np.column_stack([recording[name] for name in 'xyz'])
-    segment = recording['segment'].astype(int)
-    start = task.waypoints[segment - 1]
-    way = task.waypoints[segment] - start
-    unit = way / np.linalg.norm(way, axis=1, keepdims=True)
-    along = ((x - start) * unit).sum(axis=1, keepdims=True)
-    return np.linalg.norm(x - start - along * unit, axis=1)
 
 
 def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
     """It is behind on the path, but not off it: 0.8 mm with a Jacobian from where the arm is."""
     controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=BOX)
     recording = run(controller, TASK, delay=1)
-    assert distance_from_path(recording, TASK).max() < 0.5e-3
+    deviation = TASK.path_deviation(recording.vectors('x'), recording['segment'])
+    assert deviation.max() < 0.5e-3
 
 
 # --- six rows -------------------------------------------------------------------------------------
@@ -276,14 +252,10 @@ def test_a_pose_task_is_followed_in_position_and_orientation(name, law):
 
 
 def test_a_pose_controller_holds_the_orientation_of_a_task_that_names_none():
-    recording = run(Controller(MODEL, make_law('minimum_velocity'), 0.005, task='pose'), brief())
-    assert recording['orientation_error'].max() < 1e-3
-
-
-def brief() -> WaypointTask:
-    """5 cm in half a second."""
     end = TASK.waypoints[0] + (0.0, -0.05, 0.0)
-    return replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)
+    brief = replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)
+    recording = run(Controller(MODEL, make_law('minimum_velocity'), 0.005, task='pose'), brief)
+    assert recording['orientation_error'].max() < 1e-3
 
 
 def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry_it_through():

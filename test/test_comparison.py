@@ -33,7 +33,7 @@ def effort(law: str, T: float = 0.002) -> Effort:
     return Effort.of(run(Controller(model, make_law(law), T), TASK), model)
 
 
-def test_the_integral_of_kinetic_energy_is_that_of_half_dq_M_dq() -> None:
+def test_the_integral_of_kinetic_energy_is_that_of_half_dq_M_dq():
     model = RobotModel.named('lwr4_paper')
     recording = run(Controller(model, make_law('minimum_velocity'), 0.002), TASK)
     energies = [
@@ -45,7 +45,7 @@ def test_the_integral_of_kinetic_energy_is_that_of_half_dq_M_dq() -> None:
     )
 
 
-def test_integrals_do_not_depend_on_the_sampling_time() -> None:
+def test_integrals_do_not_depend_on_the_sampling_time():
     # Left Riemann sums of smooth functions that are nearly zero at both ends; the laws differ by
     # O(T).
     one = effort('minimum_acceleration', 0.002)
@@ -54,18 +54,7 @@ def test_integrals_do_not_depend_on_the_sampling_time() -> None:
         assert getattr(one, name) == pytest.approx(getattr(two, name), rel=0.01)
 
 
-def test_the_elbow_of_a_standing_arm_has_no_path() -> None:
-    model = RobotModel.named('lwr4_paper')
-    still = replace(
-        TASK, waypoints=np.repeat(model.tip(TASK.start)[0][None], 2, axis=0), segment_time=0.1
-    )
-    assert (
-        Effort.of(run(Controller(model, make_law('minimum_velocity'), 0.002), still), model).elbow
-        == 0.0
-    )
-
-
-def test_the_table_marks_the_least_of_each_column(capsys) -> None:
+def test_the_table_marks_the_least_of_each_column(capsys):
     low = Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, '', True, 'end')
     high = Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, '', True, 'end')
     print_tables(*comparison_tables({'low': low, 'high': high}, 'title'))
@@ -85,7 +74,7 @@ def test_the_table_marks_the_least_of_each_column(capsys) -> None:
         (2.7, False, 'b: diverged'),
     ],
 )
-def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said, capsys) -> None:
+def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said, capsys):
     a = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 'a2 position, 1.00 s', True, 'reached')
     b = replace(a, acceleration=peak, finished=finished, ending='diverged', violation='')
     print_tables(*comparison_tables({'a': a, 'b': b}, 'title'))
@@ -97,7 +86,7 @@ def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said,
 
 
 @pytest.mark.parametrize('width', [136, 60, 40])
-def test_a_narrow_terminal_shows_every_figure_too(width, capsys, monkeypatch) -> None:
+def test_a_narrow_terminal_shows_every_figure_too(width, capsys, monkeypatch):
     law = 'minimum_acceleration, k_d = 10 1/s'
     efforts = {
         law: Effort(1.125, 2.0625, 3.25, 4.5, 10670.0, 6.375, 7.875, '', True, 'end'),
@@ -130,7 +119,7 @@ def violation(rows: np.ndarray) -> str:
 
 
 @pytest.mark.parametrize('joint', [1, 7])
-def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int) -> None:
+def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int):
     rows = still(10)
     column = columns(7).index(f'q{joint}')
     rows[4:, column] = LIMITS.upper[joint - 1]
@@ -139,7 +128,7 @@ def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int) -> Non
     assert violation(rows) == f'{LIMITS.joint_names[joint - 1]} position, 0.04 s'
 
 
-def test_a_joint_that_is_too_fast_is_named_with_the_time() -> None:
+def test_a_joint_that_is_too_fast_is_named_with_the_time():
     rows = still(1000)
     column = columns(7).index('dq3')
     rows[:, column] = -np.linspace(0.0, 1.001 * LIMITS.velocity[2], len(rows))  # [rad/s], in 10 s
@@ -147,13 +136,13 @@ def test_a_joint_that_is_too_fast_is_named_with_the_time() -> None:
     assert violation(rows) == f'{LIMITS.joint_names[2]} velocity, {at:.2f} s'
 
 
-def test_a_jump_from_rest_in_the_first_tick_counts_as_acceleration() -> None:
+def test_a_jump_from_rest_in_the_first_tick_counts_as_acceleration():
     rows = still(10)
     rows[:, columns(7).index('dq2')] = 1.01 * 0.01 * LIMITS.acceleration[1]
     assert violation(rows) == f'{LIMITS.joint_names[1]} acceleration, 0.00 s'
 
 
-def test_of_several_violations_the_first_is_reported() -> None:
+def test_of_several_violations_the_first_is_reported():
     rows = still(10)
     rows[5:, columns(7).index('q1')] = 10.0
     rows[3, columns(7).index('dq2')] = 100.0
@@ -161,9 +150,7 @@ def test_of_several_violations_the_first_is_reported() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_plot_and_data(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_plot_and_data(tmp_path, capsys):
     laws = 'minimum_velocity,minimum_acceleration@5'
     assert main(['compare', '--law', laws, '--period', '0.005', '--out', str(tmp_path)]) == 0
     shown = capsys.readouterr().out
@@ -176,7 +163,7 @@ def test_the_command_writes_plot_and_data(
 
 
 @pytest.mark.slow
-def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> None:
+def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path):
     out = tmp_path / 'laws.pdf'
     arguments = ['--law', 'minimum_velocity', '--period', '0.01', '--out', str(out)]
     assert main(['compare', *arguments]) == 0
@@ -194,9 +181,7 @@ def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> N
         ('minimum_acceleration,minimum_acceleration@10', ('twice',)),
     ],
 )
-def test_bad_laws_get_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], laws: str, words: tuple[str, ...]
-) -> None:
+def test_bad_laws_get_one_line(tmp_path, capsys, laws, words):
     assert main(['compare', '--law', laws, '--out', str(tmp_path)]) == 1
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
@@ -208,12 +193,12 @@ def test_bad_laws_get_one_line(
 COARSE = 0.02  # [s]
 
 
-def test_every_public_name_is_there_and_completes() -> None:
+def test_every_public_name_is_there_and_completes():
     assert {'run', 'compare', 'plot', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
     assert all(hasattr(redres_ros, name) for name in dir(redres_ros))
 
 
-def test_laws_are_compared_by_name_or_with_gains_of_their_own(tmp_path: Path) -> None:
+def test_laws_are_compared_by_name_or_with_gains_of_their_own(tmp_path: Path):
     laws = ('minimum_velocity', make_law('minimum_acceleration', damping=5.0))
     found = compare(laws, 'side_to_side', T=COARSE)
     assert list(found.efforts) == ['minimum_velocity', 'minimum_acceleration, k_d = 5 1/s']
@@ -223,14 +208,14 @@ def test_laws_are_compared_by_name_or_with_gains_of_their_own(tmp_path: Path) ->
     assert (tmp_path / 'motion.png').stat().st_size > 10_000
 
 
-def test_limits_are_kept_if_they_are_asked_for() -> None:
+def test_limits_are_kept_if_they_are_asked_for():
     limits = ('position', 'velocity', 'acceleration')
     (effort,) = compare('minimum_velocity', T=COARSE, limits=limits).efforts.values()
     assert effort.finished
     assert effort.violation == ''
 
 
-def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow() -> None:
+def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow():
     model = RobotModel.from_urdf(find_arm('iiwa7').urdf, 'tool0')
     task = task_for(model.arm, 'arm.urdf')
     (effort,) = compare(['minimum_acceleration'], task, T=COARSE, model=model).efforts.values()
@@ -238,7 +223,7 @@ def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow() -> None:
     assert np.isfinite(list(vars(effort).values())[:7]).all()
 
 
-def test_what_cannot_be_compared_or_drawn_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_compared_or_drawn_is_refused(tmp_path: Path):
     with pytest.raises(RedresError, match='fastest'):
         compare(['fastest'], 'side_to_side')
     with pytest.raises(ArrayError, match='laws is empty'):
@@ -263,13 +248,13 @@ def square(number: int) -> int:
     return number**2
 
 
-def test_results_come_in_the_order_of_the_work() -> None:
+def test_results_come_in_the_order_of_the_work():
     reported: list[float] = []
     assert in_parallel(square, [3, 1, 2], reported.append) == [9, 1, 4]
     assert reported == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
-def test_what_a_piece_of_work_refuses_is_refused() -> None:
+def test_what_a_piece_of_work_refuses_is_refused():
     with pytest.raises(RedresError, match='number is -1; allowed: 0 to 10'):
         in_parallel(square, [1, -1, 2], lambda share: None)
 
@@ -277,11 +262,11 @@ def test_what_a_piece_of_work_refuses_is_refused() -> None:
 class Leftover:
     """Garbage that only a search finds, and that says which process has cleared it away."""
 
-    def __init__(self, marker: Path) -> None:
+    def __init__(self, marker: Path):
         self.marker = marker
         self.itself = self
 
-    def __del__(self) -> None:
+    def __del__(self):
         self.marker.write_text(str(os.getpid()), encoding='utf-8')
 
 

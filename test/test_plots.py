@@ -26,7 +26,7 @@ T = 0.01  # [s]
 def motion(t: np.ndarray, acceleration: np.ndarray, model: RobotModel) -> Recording:
     """An arm that stands still, with these norms."""
     rows = np.zeros((len(t), len(columns(7))))
-    rows[:, columns(7).index('t')] = t
+    rows[:, 0] = t
     rows[:, columns(7).index('joint_acceleration_norm')] = acceleration
     rows[:, columns(7).index('x')] = np.linspace(0.5, 0.6, len(t))
     return Recording(rows, 7, T, True, '')
@@ -58,16 +58,6 @@ def test_what_the_robot_stopped_does_not_hide_the_rest(
     panel = norms(page)[0]
     assert 5.0 < panel.get_ylim()[1] < 15.0
     assert any('up to 46' in text.get_text() for text in panel.texts)
-
-
-def test_a_switch_is_marked_with_the_names_of_both_laws(
-    page: list[Figure], model: RobotModel, task: WaypointTask
-) -> None:
-    t = T * np.arange(800)
-    switch = (4.0, 'minimum_velocity', 'minimum_torque')
-    draw(motion(t, np.ones(800), model), model, task, switches=(switch,))
-    names = {text.get_text().strip() for ax in norms(page) for text in ax.texts}
-    assert {'minimum_velocity', 'minimum_torque'} <= names
 
 
 def test_a_repeated_task_is_shown_from_its_first_round_to_its_last(
@@ -112,12 +102,14 @@ def test_motions_under_one_law_share_its_colour_and_differ_in_their_lines() -> N
     assert len({style['ls'] for style in styles.values()}) == 2
 
 
-def test_a_curve_changes_its_colour_with_the_law(
+def test_a_switch_is_named_and_the_curve_changes_its_colour_with_the_law(
     page: list[Figure], model: RobotModel, task: WaypointTask
 ) -> None:
     t = T * np.arange(800)
     switch = (4.0, 'minimum_velocity', 'minimum_torque')
     draw(motion(t, np.ones(800), model), model, task, law=switch[1], switches=(switch,))
+    names = {text.get_text().strip() for ax in norms(page) for text in ax.texts}
+    assert {'minimum_velocity', 'minimum_torque'} <= names
     first, second = norms(page)[0].lines[:2]
     assert first.get_color() == law_colour('minimum_velocity')
     assert second.get_color() == law_colour('minimum_torque')

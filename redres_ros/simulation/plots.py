@@ -354,7 +354,7 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
         ):
             ax.plot(*path.T, color=color, label=name)
             _draw_arrows(ax, path, color)
-            ax.plot(*path[:1].T, 'o', color=color, ms=7, label=f'start of the {name}')
+            ax.plot(*path[:1].T, 'o', color=color, ms=7)
     points = task.waypoints
     ax.plot(*points.T, 's', color='tab:red', ms=4, label='points of the task')
     outwards = points - points.mean(axis=0)  # (N, 3)
