@@ -168,6 +168,15 @@ def test_a_kind_of_tasks_without_their_number_is_refused(capsys):
     assert 'expected --tasks N as well' in capsys.readouterr().err
 
 
+def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
+    joint = '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/></joint>'
+    joints = joint.format('there', 'a', 'b') + joint.format('back', 'b', 'a')
+    path = tmp_path / 'circle.urdf'
+    path.write_text(f'<robot name="circle"><link name="a"/><link name="b"/>{joints}</robot>')
+    assert main(['simulate', '--robot', str(path)]) == 1
+    assert 'the joints form a circle' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('name', 'reason'),
     [('.', 'Is a directory'), ('file/a.csv', 'is not a directory'), ('x' * 300, 'too long')],

@@ -14,10 +14,10 @@ from redres_ros.cli.options import (
     DURATIONS,
     add_command,
     add_graph,
+    graph_name,
     made,
     option,
     read_settings,
-    topic_name,
 )
 from redres_ros.errors import RangeError, UnknownNameError
 
@@ -85,7 +85,7 @@ def add(commands: Any) -> None:
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
     option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
-    option(check, '--states', 'TOPIC', 'topic of the states', 'joint_states', type=topic_name)
+    option(check, '--states', 'TOPIC', 'topic of the states', 'joint_states', type=graph_name)
     add_graph(check)
 
 

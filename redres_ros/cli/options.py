@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,7 +15,9 @@ NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
 DURATIONS = (0.0, 1e6, 's')  # of a run
 
-_NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
+_NAMES = r'/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
+_A_TOPIC = 'a topic, such as joint_states'
+_A_NAMESPACE = 'names with / between them, such as left'
 _LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
 
 
@@ -168,20 +171,12 @@ def add_graph(parser: argparse.ArgumentParser) -> None:
     domain = 'ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID'
     namespace = 'namespace of the arm, if there are several; default: none'
     option(parser, '--domain', 'ID', domain, type=int)
-    option(parser, '--namespace', 'NAME', namespace, '', type=_namespace)
+    named = partial(graph_name, pattern=f'/?|{_NAMES}', expected=_A_NAMESPACE)
+    option(parser, '--namespace', 'NAME', namespace, '', type=named)
 
 
-def topic_name(text: str) -> str:
-    """A topic's name as it is. Raises argparse's own error."""
-    return _checked_name(text, f'/?{_NAMES}', 'a topic, such as joint_states')
-
-
-def _namespace(text: str) -> str:
-    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, such as left')
-
-
-def _checked_name(text: str, pattern: str, expected: str) -> str:
-    """A name of the graph as it is; it must match a pattern. Raises argparse's own error."""
+def graph_name(text: str, pattern: str = _NAMES, expected: str = _A_TOPIC) -> str:
+    """A topic's name as it is, or another of the graph. Raises argparse's own error."""
     if not re.fullmatch(pattern, text, re.ASCII):
         raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
     if len(text) > _LONGEST_NAME:

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
@@ -40,12 +40,12 @@ _WHOLE = {  # other figures of Effort, and their heads
     'kinetic_energy': 'int energy [J s]',
     'elbow': 'elbow path [m]',
 }
-RATIOS: dict[str, Callable[['Result'], float]] = {  # figures of many motions, by their heads
-    'peak |ddq|': lambda result: _effort(result, 'acceleration'),
-    'RMS |ddq|': lambda result: _root_mean_square(result, 'squared_acceleration'),
-    'peak |tau|': lambda result: _effort(result, 'torque'),
-    'RMS |tau|': lambda result: _root_mean_square(result, 'squared_torque'),
-    'kinetic energy': lambda result: _effort(result, 'kinetic_energy'),
+RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished Result, by their heads
+    'peak |ddq|': lambda result: result.effort.acceleration,
+    'RMS |ddq|': lambda result: math.sqrt(result.effort.squared_acceleration / result.duration),
+    'peak |tau|': lambda result: result.effort.torque,
+    'RMS |tau|': lambda result: math.sqrt(result.effort.squared_torque / result.duration),
+    'kinetic energy': lambda result: result.effort.kinetic_energy,
 }
 
 
@@ -254,20 +254,12 @@ def _summary_table(title: str, laws: Mapping[str, _Results]) -> Table:
     return table(heads, rows, title=title, note=note)
 
 
-def _ratios(results: _Results, others: _Results, figure: Callable[['Result'], float]) -> np.ndarray:
+def _ratios(results: _Results, others: _Results, figure: Callable[[Any], float]) -> np.ndarray:
     """A figure over that of other results, of each task that both finish."""
     both = [
         seed for seed in results.keys() & others if results[seed].finished and others[seed].finished
     ]
     return np.array([figure(results[seed]) / figure(others[seed]) for seed in both])
-
-
-def _effort(result: 'Result', name: str) -> float:
-    return float(getattr(result.effort, name))
-
-
-def _root_mean_square(result: 'Result', name: str) -> float:
-    return float(np.sqrt(_effort(result, name) / result.duration))
 
 
 def _median(values: Iterable[float]) -> str:
