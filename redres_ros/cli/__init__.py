@@ -6,6 +6,7 @@ What takes long to load is loaded within functions, so that Ctrl-C meanwhile end
 import atexit
 import gc
 import os
+import re
 import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
@@ -26,6 +27,7 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
     '--teleop': '--view',
     '--help-gains': 'redres laws',
 }
+_NO_VALUE = re.compile('--[^=]+=')
 _PLUGIN = '--plugin'
 _BEGINNING = """\
 redres moves an arm that has more joints than its task needs. Try first:
@@ -90,7 +92,7 @@ def _run_command(given: list[str]) -> int:
     _load_plugins(given)
     parser = make_parser()
     options, others = parser.parse_known_args(given)
-    others += [word for word in given if not word or word.endswith('=')]  # without a value
+    others += [word for word in given if not word or _NO_VALUE.fullmatch(word)]
     if others:
         parser.prog = f'redres {options.command}'
         parser.error(_refusal(others))
