@@ -109,10 +109,7 @@ class Probe(Node):
 
     def ask(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> tuple[np.ndarray, np.ndarray]:
         """Send the next state until a response comes; q_ref and dq of the response, both (n,)."""
-        return self.response_to(self.state(q, names))
-
-    def response_to(self, message: JointState) -> tuple[np.ndarray, np.ndarray]:
-        """q_ref and dq of the response to the newest state, both (n,), which is sent until then."""
+        message = self.state(q, names)
         await_that(
             lambda: self._asked(message), f'a response to the state of {self.stamp} ns', every=0.05
         )
@@ -131,15 +128,6 @@ class Probe(Node):
     def settle(self) -> None:
         """Wait until the controller has received all that was published: it responds in order."""
         call(self, GetParameters, 'controller/get_parameters', GetParameters.Request())
-
-    def is_responded_to(self, message: JointState) -> bool:
-        """Send the newest state; whether the controller responds to it."""
-        for _ in range(3):  # one may get lost
-            self.send(message)
-            self.settle()
-            if self.stamp in self.responses:
-                return True
-        return False
 
     def _asked(self, message: JointState) -> bool:
         self._states.publish(message)
@@ -316,26 +304,14 @@ def _words(samples: list[Sample]) -> list[tuple[int, str]]:
 
 
 def _around(at: int, words: list[tuple[int, str]]) -> set[str]:
-    """Words that may have held when a command was published, which may not know the newest.
-
-    Args:
-        at: When that was [ns].
-        words: When each was published, and itself.
-    """
+    """Words that may have held when a command was published [ns], which may not know the newest."""
     before = [word for sent, word in words if sent <= at - LATE][-1:]
     near = [word for sent, word in words if abs(sent - at) <= LATE]
     return {*before, *near}
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
-    """A state of a robot, or a command for it.
-
-    Args:
-        stamp: [ns].
-        names: Of the joints.
-        q: Positions, (n,) [rad].
-        dq: Velocities, (n,) [rad/s].
-    """
+    """A state of a robot, or a command for it, (n,) each."""
     message = JointState(name=list(names), position=q.tolist(), velocity=dq.tolist())
     message.header.stamp = to_time(stamp)
     return message

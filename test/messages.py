@@ -7,13 +7,7 @@ from redres_ros.nodes.conversions import to_time
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
-    """A task velocity as a message.
-
-    Args:
-        stamp: [ns].
-        frame: Whose axes the velocity is in.
-        dx: (3,) [m/s], or (6,) with the angular part [rad/s] below.
-    """
+    """A task velocity in the axes of a frame: (3,) [m/s], or (6,) with the angular part [rad/s]."""
     message = TwistStamped()
     message.header.stamp = to_time(stamp)
     message.header.frame_id = frame

@@ -123,12 +123,7 @@ class FrankaRules:
 
 
 def fr3_rules(limits: JointLimits, T: float) -> FrankaRules:
-    """Those of an FR3.
-
-    Args:
-        limits: Of its joints.
-        T: Its cycle [s].
-    """
+    """Those of an FR3."""
     rules = FrankaRules(limits, T)
     rules.slowing = Slowing()
     return rules
@@ -136,45 +131,20 @@ def fr3_rules(limits: JointLimits, T: float) -> FrankaRules:
 
 @dataclass(frozen=True)
 class Habits:
-    """How a robot behind ros2_control differs from the ideal one.
+    """How a robot behind ros2_control differs from the ideal one."""
 
-    Attributes:
-        others: Further joints in its states, of a gripper.
-        jitter: Of the stamps, to either side, as a share of the period.
-        dropped: Share of the states that the broadcaster drops, as it is still sending the last.
-        velocities: Whether the hardware measures them; else they are NaN.
-        one_turn: Whether it measures angles between -pi and pi only.
-        servo: Time constant with which the arm follows its commands [s]; 0: at once.
-        simulated: Speed of its clock beside the computer's, that of a simulation, which begins at
-            zero; 0: it is the computer's.
-    """
-
-    others: Sequence[str] = ()
-    jitter: float = 0.2
-    dropped: float = 0.0
-    velocities: bool = True
-    one_turn: bool = False
-    servo: float = 0.0
+    others: Sequence[str] = ()  # further joints in its states, of a gripper
+    jitter: float = 0.2  # of the stamps, to either side, as a fraction of the period
+    dropped: float = 0.0  # fraction of the states, as the broadcaster is still sending the last
+    velocities: bool = True  # are measured; else they are NaN
+    one_turn: bool = False  # angles are measured between -pi and pi only
+    servo: float = 0.0  # time constant with which the arm follows its commands [s]; 0: at once
+    # speed of a simulation's clock, which begins at zero; 0: it is the computer's
     simulated: float = 0.0
 
 
 class StandIn:
-    """A robot that follows its commands.
-
-    Args:
-        graph: Where its topics are.
-        limits: Of its joints, in the order of the forward_position_controller.
-        q: Where it stands, (n,) [rad].
-        rate: Updates a second [Hz].
-        judge: Of its commands, in every cycle.
-        habits: How it is not ideal.
-
-    Attributes:
-        q: Where the arm is, (n,) [rad].
-        blocked: Joints that do not move, by index.
-        hardware: Judges the commands that are written to the hardware, cycle by cycle.
-        way: The commands that were written.
-    """
+    """A robot that follows its commands; the limits are in the order of the controller's joints."""
 
     def __init__(
         self,
@@ -185,14 +155,14 @@ class StandIn:
         judge: Judge | None = None,
         habits: Habits | None = None,
     ) -> None:
-        self.q = q
-        self.blocked: list[int] = []
+        self.q = q  # where the arm is, (n,) [rad]
+        self.blocked: list[int] = []  # joints that do not move, by index
         self.commands = 0
         self.complaints: list[str] = []
-        self.way = [q]
+        self.way = [q]  # the commands that were written
         self.forwarding = True  # the forward_position_controller is active
         self.broadcasting = True  # the joint_state_broadcaster is active
-        self.hardware = ReferenceJudge(limits, 1.0 / rate, 'hold')
+        self.hardware = ReferenceJudge(limits, 1.0 / rate, 'hold')  # of what is written to it
         self._graph = graph
         self._period = 1.0 / rate
         self._judge = judge
@@ -308,11 +278,8 @@ class StandIn:
 def behind_ros2_control(
     parameters: Path | Sequence[str], description: str = ''
 ) -> Iterator[tuple[Graph, VirtualTime]]:
-    """A controller and a planner with parameters, and wires for a robot.
-
-    Args:
-        parameters: A file as users pass it, or words such as 'rate:=100.0'.
-        description: What robot_state_publisher would publish; empty: nothing.
+    """A controller and a planner with parameters, from a file or words such as 'rate:=100.0', and
+    wires for a robot whose description may be published.
     """
     clock = VirtualTime()
     graph = Graph(clock)

@@ -39,12 +39,7 @@ WORDS = ('CMD', 'MON', 'MOVE', '', 'x' * 1000, 'cmd')
 
 
 class Thrower:
-    """Sends random messages to the graph.
-
-    Args:
-        run: The graph.
-        seed: Of the chance.
-    """
+    """Sends random messages to the graph."""
 
     def __init__(self, run: VirtualRun, seed: int) -> None:
         self._run = run
@@ -157,11 +152,7 @@ BAD: dict[str, Any] = {
 
 
 class Observer:
-    """Judges every command and every reference of the robot.
-
-    Args:
-        run: The graph.
-    """
+    """Judges every command and every reference of the robot."""
 
     def __init__(self, run: VirtualRun) -> None:
         self.commands = 0
@@ -199,7 +190,7 @@ def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on()
         observer = Observer(run)
         thrower = Thrower(run, seed=0)
         chance = np.random.default_rng(1)
-        while thrown_by(thrower) < MESSAGES:
+        while thrower.thrown.total() < MESSAGES:
             calm = chance.random() < 0.01  # for the robot to begin its command mode anew
             run.run(1.0 if calm else float(chance.exponential(1.0)) / RATE)
             for _ in range(chance.integers(1, 6)):
@@ -211,8 +202,3 @@ def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on()
         run.graph.call('sim/reset')
         run.graph.publish('sim/stop_reason', String(data=''))
         assert run.run_until(lambda: run.commanding, 5.0)
-
-
-def thrown_by(thrower: Thrower) -> int:
-    """All that was thrown."""
-    return sum(thrower.thrown.values())

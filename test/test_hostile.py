@@ -178,25 +178,6 @@ def test_ctrl_c_while_a_node_loads_ends_it_quietly(tmp_path, module):
 NODES = ('composed', 'controller', 'planner', 'sim')
 
 
-def entry(name: str, arguments: str, folder: Path) -> tuple[int, str, str]:
-    """Status, output and errors of an executable of a node."""
-    done = subprocess.run(
-        [
-            sys.executable,
-            '-c',
-            f'import sys\nfrom redres_ros.nodes.entry import {name}\nsys.exit({name}())',
-            *arguments.split(),
-        ],
-        cwd=folder,
-        env={**os.environ, 'ROS_DOMAIN_ID': '99', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
 @pytest.mark.parametrize('starts', ['redres_ros.cli', 'redres_ros.nodes.runtime'])
 def test_a_process_without_an_error_output_gets_one_before_a_file_takes_its_number(starts):
     script = f"""
@@ -216,12 +197,13 @@ print(sys.stderr.fileno())
     assert done.stdout.splitlines()[-1:] == ['2'], done.stdout
 
 
-@pytest.mark.parametrize(('name', 'option'), [*((name, '--help') for name in NODES), ('sim', '-h')])
-def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, option):
-    status, out, err = entry(name, option, tmp_path)
-    assert (status, err) == (0, '')
-    assert out.startswith(f'usage: redres_{name} ')
-    assert 'redres.yaml' in out
+@pytest.mark.parametrize('name', NODES)
+def test_help_of_a_node_is_printed_and_the_node_does_not_start(name, capsys):
+    assert run_node(name, ['--help']) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ''
+    assert printed.out.startswith(f'usage: redres_{name} ')
+    assert 'redres.yaml' in printed.out
 
 
 @pytest.mark.parametrize('name', NODES)

@@ -1,8 +1,7 @@
-"""The life cycle of the nodes, by the standard services and from within."""
+"""The life cycle of the nodes: by the services, in virtual time, and from within."""
 
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,108 +9,92 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped
-from graph_helpers import START, Probe, call, nodes, to_joint_state
+from graph_helpers import START, to_joint_state
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from messages import to_twist
 from own_ros import ros
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
+from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 
 DX = np.array([0.0, -0.1, 0.0])  # [m/s]
+LOOP = {'rate': 100.0}
 
 
-@pytest.fixture(scope='class')
-def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
-    logs = tmp_path_factory.mktemp('lifecycle')
-    with nodes(logs, controller={'command_timeout': 5.0}) as (probe, _):
-        yield probe
+@pytest.fixture
+def commanded() -> Iterator[VirtualRun]:
+    """A robot in command mode whose tip moves, and the commands for it."""
+    sim = {**LOOP, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+    controller = {**LOOP, 'command_timeout': 5.0}
+    with virtual_run(sim=sim, controller=controller, planner=LOOP) as run:
+        run.graph.kept['joint_command'] = []
+        run.run(0.5)
+        assert run.commanding
+        run.graph.publish('cartesian_velocity', to_twist(0, 'world', DX))
+        run.run(0.5)
+        assert speeds(run)[-1] > 0.05
+        yield run
 
 
-def change(probe: Probe, transition: int) -> bool:
+def change(run: VirtualRun, transition: str) -> bool:
     """Whether the controller accepts a transition."""
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return bool(call(probe, ChangeState, 'controller/change_state', request).success)
+    return run.change_state('controller', getattr(Transition, f'TRANSITION_{transition}'))
 
 
-def life(probe: Probe) -> str:
-    """The state of the controller's life cycle."""
-    response = call(probe, GetState, 'controller/get_state', GetState.Request())
-    return str(response.current_state.label)
+def speeds(run: VirtualRun) -> list[float]:
+    """Largest joint speeds of the commands since the last call [rad/s]."""
+    published = [message for _, message in run.graph.kept['joint_command']]
+    run.graph.kept['joint_command'].clear()
+    return [float(np.abs(message.velocity).max()) for message in published]
 
 
 @pytest.mark.slow
-class TestByServices:
-    """A controller in a process of its own."""
+def test_deactivated_while_it_moves_it_brings_the_arm_to_rest_and_then_is_silent(
+    commanded: VirtualRun,
+) -> None:
+    assert change(commanded, 'DEACTIVATE')
+    assert not change(commanded, 'CLEANUP')  # it still moves
+    commanded.run(1.0)
+    braking = speeds(commanded)
+    assert 3 < len(braking) < 90
+    assert np.abs(np.diff(braking)).max() < 0.25
+    assert braking[-1] < 0.01
+    commanded.run(1.0)
+    assert speeds(commanded) == []
+    assert commanded.nodes['controller'].life == 'inactive'
 
-    @pytest.fixture
-    def probe(self, started: Probe) -> Probe:
-        """An active controller that has commanded an arm at rest, whatever the test before did."""
-        if life(started) == 'unconfigured':
-            assert change(started, Transition.TRANSITION_CONFIGURE)
-        if life(started) == 'active':
-            assert change(started, Transition.TRANSITION_DEACTIVATE)
-        assert change(started, Transition.TRANSITION_ACTIVATE)
-        started.ask(START)
-        return started
 
-    def speeds_of_responses(self, probe: Probe, states: int) -> list[float]:
-        """Largest joint speeds of the responses to so many states of an arm that follows."""
-        speeds = []
-        for _ in range(states):
-            message = probe.state(self.q)
-            if not probe.is_responded_to(message):
-                break
-            response = probe.responses[probe.stamp]
-            self.q = np.array(response.position)
-            speeds.append(float(np.abs(response.velocity).max()))
-        return speeds
+@pytest.mark.slow
+def test_cleaned_up_it_has_to_be_configured_before_it_can_act_again(commanded: VirtualRun) -> None:
+    assert change(commanded, 'DEACTIVATE')
+    commanded.run(2.0)
+    assert change(commanded, 'CLEANUP')
+    assert not change(commanded, 'ACTIVATE')
+    commanded.run(0.5)
+    speeds(commanded)
+    assert change(commanded, 'CONFIGURE')
+    assert change(commanded, 'ACTIVATE')
+    commanded.run(0.5)
+    assert speeds(commanded)
 
-    def come_to_rest(self, probe: Probe) -> None:
-        """Deactivate the controller, and send it states until it is silent."""
-        self.q = START
-        assert change(probe, Transition.TRANSITION_DEACTIVATE)
-        assert len(self.speeds_of_responses(probe, 1000)) < 1000
 
-    def test_a_node_is_active_from_the_start_and_shut_down_it_never_responds_again(
-        self, tmp_path: Path
-    ) -> None:
-        with nodes(tmp_path, controller={}) as (probe, _):
-            assert life(probe) == 'active'
-            assert change(probe, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-            assert life(probe) == 'finalized'
-            assert not change(probe, Transition.TRANSITION_CONFIGURE)
-
-    def test_deactivated_while_it_moves_it_brings_the_arm_to_rest_and_then_is_silent(
-        self, probe: Probe
-    ) -> None:
-        self.q = START
-        probe.steer(DX)
-        assert max(self.speeds_of_responses(probe, 300)) > 0.05
-        assert change(probe, Transition.TRANSITION_DEACTIVATE)
-        speeds = self.speeds_of_responses(probe, 1000)
-        assert 10 < len(speeds) < 500  # of braking: 0.2 s and more
-        assert np.abs(np.diff(speeds)).max() < 0.05
-        assert speeds[-1] < 0.01
-        assert life(probe) == 'inactive'
-
-    def test_a_transition_that_does_not_suit_is_refused_and_the_node_goes_on(
-        self, probe: Probe
-    ) -> None:
-        assert not change(probe, Transition.TRANSITION_CONFIGURE)
-        assert not change(probe, 77)
-        assert life(probe) == 'active'
-
-    def test_cleaned_up_it_has_to_be_configured_before_it_can_act_again(self, probe: Probe) -> None:
-        self.come_to_rest(probe)
-        assert change(probe, Transition.TRANSITION_CLEANUP)
-        assert not change(probe, Transition.TRANSITION_ACTIVATE)
-        assert change(probe, Transition.TRANSITION_CONFIGURE)
-        assert change(probe, Transition.TRANSITION_ACTIVATE)
-        q_ref, _ = probe.ask(START)
-        assert q_ref == pytest.approx(START, abs=1e-3)
+@pytest.mark.slow
+def test_a_transition_that_does_not_suit_is_refused_and_shut_down_it_never_acts_again(
+    commanded: VirtualRun,
+) -> None:
+    assert not change(commanded, 'CONFIGURE')
+    assert not commanded.change_state('controller', 77)
+    assert commanded.nodes['controller'].life == 'active'
+    assert change(commanded, 'ACTIVE_SHUTDOWN')
+    commanded.run(2.0)
+    speeds(commanded)
+    assert not change(commanded, 'CONFIGURE')
+    commanded.run(0.5)
+    assert speeds(commanded) == []
+    assert commanded.nodes['controller'].life == 'finalized'
 
 
 class TestWithin:

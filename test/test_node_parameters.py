@@ -23,6 +23,7 @@ from std_msgs.msg import String
 from virtual_graph import _Cycles, virtual_run
 
 from redres_ros.files.installation import remedy
+from redres_ros.laws import LAWS, law_name
 from redres_ros.nodes import runtime
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.lifecycle import LifeError
@@ -35,6 +36,21 @@ from redres_ros.planning.task_executor import UNDER_WAY as STATES
 pytestmark = pytest.mark.slow
 
 UNDER_WAY = {state.value for state in STATES}
+REFUSED = (
+    ({'law': 'none'}, ('none', 'minimum_torque')),
+    ({'law': 7}, ('STRING', 'INTEGER')),
+    ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',)),
+    ({'damping': 501.0}, ('501', '500')),
+    ({'damping': float('nan')}, ('nan',)),
+    ({'rate': 100.0}, ('rate',)),
+    ({'limits': ['foo']}, ('foo', 'position')),
+    ({'limits': ['none', 'position']}, ('none', 'expected names')),
+    ({'limits': ['position', 'position']}, ('position', 'named twice')),
+    ({'limit_scale': 2}, ('2', '1')),
+    ({'task_gain': -1.0}, ('-1', '0')),
+    ({'secondary_tasks': ['orientation@knee']}, ('knee', 'link_4')),
+    ({'secondary_tasks': ['joint@a8']}, ('a8', 'lwr_a1_joint')),
+)
 OF_ROS = {'use_sim_time', 'start_type_description_service'}
 
 
@@ -78,6 +94,34 @@ def test_a_parameter_that_is_gone_is_refused_with_what_to_write_instead() -> Non
         with pytest.raises(ParameterNotDeclaredException, match=words):
             node.set_parameters([Parameter('feedback_limit', value=0.1)])
         node.destroy_node()
+
+
+def test_parameters_are_set_live_and_refused_with_a_reason() -> None:
+    with ros():
+        node = ControllerNode()
+        for law in LAWS:
+            assert set_in(node, {'law': law, 'damping': 20}) == ''
+        assert law_name(node._controller.law) == law
+        assert node._controller.law.damping == 20.0
+        for values in (
+            {'limits': 'none'},
+            {'limits': ['velocity', 'torque'], 'limit_scale': 0.5},
+            {'preferences': 'posture, joint_centering', 'posture.gain': 2},
+            {'secondary_tasks': ['orientation'], 'task_gain': 5},
+            {'max_linear': 1},
+        ):
+            assert set_in(node, values) == ''
+        for values, words in REFUSED:
+            reason = set_in(node, values)
+            assert words and all(word in reason for word in words), reason
+        assert law_name(node._controller.law) == law
+        node.destroy_node()
+
+
+def set_in(node: Any, values: dict[str, Any]) -> str:
+    """Set parameters at once, as by a service; why that was refused."""
+    changes = [Parameter(name, value=value) for name, value in values.items()]
+    return str(node.set_parameters_atomically(changes).reason)
 
 
 def test_an_empty_list_of_names_means_none_at_the_start_and_live(file: Path) -> None:

@@ -54,19 +54,12 @@ UR_ACCELERATION = (1.0, *(5.0,) * 6)  # [m/s^2], [rad/s^2]
 
 
 class Robot(NamedTuple):
-    """A robot as its driver shows it.
-
-    Args:
-        arm: Its URDF.
-        judge: Its rules, made of limits and the period.
-        others: Joints of a gripper.
-        description: What is published.
-    """
+    """A robot as its driver shows it."""
 
     arm: Arm
-    judge: Callable[[JointLimits, float], Judge]
-    others: tuple[str, ...] = ()
-    description: str = ''
+    judge: Callable[[JointLimits, float], Judge]  # its rules, made of limits and the period
+    others: tuple[str, ...] = ()  # joints of a gripper
+    description: str = ''  # what is published
 
 
 ROBOTS = {

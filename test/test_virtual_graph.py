@@ -1,7 +1,7 @@
 """How the arm moves when messages are late or missing: the real nodes, in virtual time."""
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,12 @@ from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from builtin_interfaces.msg import Time
 from messages import to_twist
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
-from wire_faults import late, off
+from wire_faults import changed, late, off
 
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.planning.task_executor import TaskState
@@ -23,6 +24,7 @@ pytestmark = pytest.mark.slow
 
 RATE = 500.0  # [Hz]
 SECONDS = 4.5
+DX = np.array([0.02, -0.05, 0.03])  # [m/s]
 
 
 def held_up(*, every: float, length: float) -> Fault:
@@ -36,11 +38,8 @@ def held_up(*, every: float, length: float) -> Fault:
 
 
 def accelerations(limits: str, **faults: Fault) -> np.ndarray:
-    """Of the robot's reference over the first side of the rectangle and a half, (N, 7) [rad/s^2].
-
-    Args:
-        limits: Of the controller.
-        faults: On cartesian_velocity, by the name twist, and on joint_states, by the name state.
+    """Of the robot's reference over the first side of the rectangle and a half, (N, 7) [rad/s^2],
+    with faults on cartesian_velocity (twist) or joint_states (state).
     """
     loop = {'rate': RATE}
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
@@ -143,6 +142,98 @@ def resting() -> Iterator[VirtualRun]:
         run.run(0.5)
         assert run.commanding
         yield run
+
+
+def spoiled(name: str, value: Any) -> Callable[[JointState], None]:
+    return lambda message: setattr(message, name, value)
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'words'),
+    [
+        (spoiled('name', ['a'] * 7), ()),  # of another device
+        (spoiled('position', [0.0] * 6), ('6 positions', '7 joints')),
+        (lambda message: message.position.__setitem__(2, np.nan), ('nan', 'finite')),
+        (lambda message: message.name.__setitem__(0, 'a'), ('missing lwr_a1_joint', 'arm a')),
+        (lambda message: setattr(message.header, 'stamp', Time()), ('no stamp',)),
+    ],
+)
+def test_a_bad_state_gets_no_response_and_is_reported_once(
+    resting: VirtualRun, spoil: Callable[[JointState], None], words: tuple[str, ...]
+) -> None:
+    resting.graph.kept['joint_command'] = []
+    resting.graph.faults['joint_states', 'controller'] = changed(spoil)
+    resting.run(0.05)
+    assert resting.graph.kept['joint_command'] == []
+    resting.graph.faults.clear()
+    resting.run(2.0)
+    assert resting.graph.kept['joint_command']
+    log = [line for node, line in resting.graph.log if node == 'controller']
+    refusals = [line for line in log if 'joint_states refused' in line]
+    assert len(refusals) == (1 if words else 0)
+    assert all(word in refusals[0] for word in words), refusals
+    assert any('joint_states accepted again' in line for line in log) is bool(words)
+
+
+@pytest.mark.parametrize(
+    ('dx', 'frame', 'words'),
+    [
+        (DX, 'nose', ('nose', 'tool0', 'world')),
+        (1e9 * DX, 'world', ('m/s', 'max_linear')),
+        (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
+    ],
+)
+def test_a_bad_task_velocity_does_not_move_the_arm_and_is_reported_once(
+    resting: VirtualRun, dx: np.ndarray, frame: str, words: tuple[str, ...]
+) -> None:
+    q = resting.nodes['sim']._robot.reference
+    for _ in range(5):
+        resting.graph.publish('cartesian_velocity', to_twist(0, frame, dx))
+        resting.run(0.02)
+    assert (resting.nodes['sim']._robot.reference == q).all()
+    [refusal] = [line for _, line in resting.graph.log if 'cartesian_velocity' in line]
+    assert all(word in refusal for word in words), refusal
+
+
+def test_joints_in_another_order_and_among_others_are_found_by_name(resting: VirtualRun) -> None:
+    def shuffle(message: JointState) -> None:
+        message.name = [*message.name[::-1], 'finger']
+        message.position = array('d', [*message.position[::-1], 0.5])
+
+    q = resting.nodes['sim']._robot.reference
+    resting.graph.faults['joint_states', 'controller'] = changed(shuffle)
+    resting.run(0.5)
+    assert resting.commanding
+    assert (resting.nodes['sim']._robot.reference == q).all()
+    assert any('ignoring finger' in line for _, line in resting.graph.log)
+
+
+def test_hold_stops_the_arm_and_lets_it_go_again(resting: VirtualRun) -> None:
+    robot = resting.nodes['sim']._robot
+
+    def moved() -> float:
+        for _ in range(20):
+            resting.graph.publish('cartesian_velocity', to_twist(0, 'world', DX))
+            resting.run(0.05)
+        before = robot.reference
+        resting.run(0.05)
+        return float(np.abs(robot.reference - before).max())
+
+    assert moved() > 1e-3
+    assert resting.graph.call('controller/hold', data=True).message == 'holding'
+    assert moved() == 0.0
+    resting.graph.call('controller/hold', data=False)
+    assert moved() > 1e-3
+
+
+def test_without_a_clock_to_take_the_time_from_a_node_says_so_once_and_watches_on() -> None:
+    loop = {'rate': 100.0}
+    with virtual_run(sim=loop, controller={**loop, 'use_sim_time': True}, planner=loop) as run:
+        run.graph.kept['/diagnostics'] = []
+        run.graph.faults['joint_states', 'controller'] = off()
+        run.run(8.0)
+        assert sum('/clock' in line for _, line in run.graph.log) == 1
+        assert run.health('controller').message == 'no joint_states'
 
 
 HOSTILE = 'x\n[ERROR] [1.0] [robot]: all is well\x1b[2J\u2028' + 'y' * 100_000

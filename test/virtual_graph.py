@@ -114,13 +114,8 @@ class Graph:
     def listen(
         self, topic: str, listener: str, receive: Callable[..., None], depth: int = 1000
     ) -> None:
-        """Add a listener; a latched message reaches it at once.
-
-        Args:
-            topic: What it listens to.
-            listener: The node's name.
-            receive: Takes the message, or the message and its info as rclpy has it.
-            depth: How many messages are kept while its process is stalled.
+        """Add a listener, a node by its name, that takes the message, or the message and its info;
+        a latched one reaches it at once. While its process is stalled so many are kept.
         """
         receiver = _Receiver(listener, _with_info(receive), depth)
         self._receivers.setdefault(topic, []).append(receiver)
@@ -132,11 +127,8 @@ class Graph:
         self._stalled[listener] = {}
 
     def resume(self, listener: str, first: str = '') -> None:
-        """Let it go on, as SIGCONT does: what its subscriptions have kept reaches it now.
-
-        Args:
-            listener: The node's name.
-            first: Topic whose messages come before the others; empty: what was stalled first.
+        """Let it go on, as SIGCONT does: what its subscriptions have kept reaches it now, that of
+        the first topic before the others.
         """
         kept = self._stalled.pop(listener)
         for topic in sorted(kept, key=lambda topic: topic != first):
@@ -170,14 +162,7 @@ class Graph:
         return respond(kind.Request(**request), kind.Response())
 
     def _deliver(self, topic: str, receiver: _Receiver, message: Any, published: int) -> None:
-        """Send a message over one wire.
-
-        Args:
-            topic: What it was published on.
-            receiver: Where it is to arrive.
-            message: As it was published.
-            published: When that was [ns].
-        """
+        """Send a message, published at some time [ns], over one wire."""
         fault = self.faults.get((topic, receiver.listener), no_fault)
         for delay, arriving in fault(message, self.clock.now):
             arrive = partial(self._arrive, topic, receiver, arriving, published)
@@ -221,11 +206,14 @@ class _Wired(Node):
         self.graph.listen(topic, self.get_name(), callback, depth)
 
     def create_timer(self, period: float, callback: Callable[[], object], **options: Any) -> Any:
+        timer = _Timer()
+
         def unless_stalled() -> None:
-            if not self.graph.is_stalled(self.get_name()):
+            if not timer.cancelled and not self.graph.is_stalled(self.get_name()):
                 callback()
 
         self.graph.clock.repeat(period, unless_stalled)
+        return timer
 
     def create_service(
         self, kind: type, name: str, callback: Callable[..., Any], **options: Any
@@ -240,6 +228,16 @@ class _Wired(Node):
 
     def get_logger(self) -> Any:
         return _Logger(self.graph, self.get_name())
+
+
+class _Timer:
+    """In the place of a timer."""
+
+    cancelled = False
+
+    def cancel(self) -> None:
+        """End it."""
+        self.cancelled = True
 
 
 class _Client:
@@ -313,12 +311,7 @@ class _Cycles:
 
 
 class VirtualRun:
-    """Three nodes at work.
-
-    Args:
-        graph: What they are wired by.
-        nodes: By name.
-    """
+    """Three nodes at work, by name, and the graph that they are wired by."""
 
     def __init__(self, graph: Graph, nodes: dict[str, Any]) -> None:
         self.graph = graph

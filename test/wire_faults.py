@@ -51,24 +51,13 @@ def slow() -> Fault:
 
 
 def lossy(share: float, seed: int = 0) -> Fault:
-    """Some messages get lost.
-
-    Args:
-        share: How many of them, 0 to 1.
-        seed: Of which.
-    """
+    """A share of the messages, 0 to 1, gets lost."""
     chance = np.random.default_rng(seed)
     return lambda message, now: [] if chance.random() < share else [(0.0, message)]
 
 
 def late(*, most: float, share: float, seed: int = 0) -> Fault:
-    """Some messages come late.
-
-    Args:
-        most: By how much at most [s].
-        share: How many of them, 0 to 1.
-        seed: Of which, and by how much.
-    """
+    """A share of the messages, 0 to 1, comes late by up to some time [s]."""
     chance = np.random.default_rng(seed)
 
     def fault(message: Any, now: float) -> list[tuple[float, Any]]:
