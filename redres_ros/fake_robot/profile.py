@@ -46,24 +46,6 @@ _KUKA_NAMES = {
 }
 
 
-@dataclass(frozen=True)
-class Threshold:
-    """Bounds on the statistics of a connection. Figures of ours, since KUKA's are not public."""
-
-    response_rate: float  # at least
-    latency: float  # at most [cycles]
-    jitter: float  # at most [cycles]
-    miss_rate: float  # at most
-
-
-# by the number of the quality; the worst one has none
-THRESHOLDS = {
-    3: Threshold(response_rate=0.95, latency=1.0, jitter=1.0, miss_rate=0.05),
-    2: Threshold(response_rate=0.85, latency=2.0, jitter=2.0, miss_rate=0.15),
-    1: Threshold(response_rate=0.60, latency=4.0, jitter=4.0, miss_rate=0.40),
-}
-
-
 @dataclass(frozen=True, eq=False)
 class Profile:
     """A kind of session. The defaults are those of KUKA's robots.

@@ -98,7 +98,12 @@ class Session:
             self.stop(fault)
             return
         self.timing.counts.bridged += self.commanding and self.timing.age > 0
-        self._take(self._timing_event())
+        if self.timing.silent:
+            self._take(Event.SILENCE)
+        elif self._is_long_good:
+            self._take(Event.LONG_GOOD_TIMING)
+        else:
+            self._take(Event.GOOD_TIMING if is_good else Event.POOR_TIMING)
 
     def refuse(self, error: CommandError) -> None:
         """Count a refused command. Its cycle is still recorded."""
@@ -131,13 +136,6 @@ class Session:
         self.reason = ''
         self._good_cycles = 0
         self._take(Event.RESET)
-
-    def _timing_event(self) -> Event:
-        if self.timing.silent:
-            return Event.SILENCE
-        if self.timing.quality < self.profile.entry:
-            return Event.POOR_TIMING
-        return Event.LONG_GOOD_TIMING if self._is_long_good else Event.GOOD_TIMING
 
     @property
     def _is_long_good(self) -> bool:

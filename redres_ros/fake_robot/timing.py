@@ -4,7 +4,6 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from redres_ros.fake_robot.profile import THRESHOLDS, Threshold
 from redres_ros.fake_robot.robot_clock import NANOSECONDS
 from redres_ros.types import Cycles, Seconds
 
@@ -33,6 +32,24 @@ class Counts:
     longest_run: int = 0  # most cycles in a row without a command in time
     bridged: int = 0  # in command mode, whose command was extrapolated
     refused: int = 0  # messages that were no valid command
+
+
+@dataclass(frozen=True)
+class _Threshold:
+    """Bounds on the statistics. Figures of ours, since KUKA's are not public."""
+
+    response_rate: float  # at least
+    latency: float  # at most [cycles]
+    jitter: float  # at most [cycles]
+    miss_rate: float  # at most
+
+
+# by the number of the quality; the worst one has none
+_THRESHOLDS = {
+    3: _Threshold(response_rate=0.95, latency=1.0, jitter=1.0, miss_rate=0.05),
+    2: _Threshold(response_rate=0.85, latency=2.0, jitter=2.0, miss_rate=0.15),
+    1: _Threshold(response_rate=0.60, latency=4.0, jitter=4.0, miss_rate=0.40),
+}
 
 
 class TimingMonitor:
@@ -74,7 +91,7 @@ class TimingMonitor:
         counts.longest_run = max(counts.longest_run, self._run)
         self.statistics = self._statistics()
         self.at_fault = ''
-        for quality, bounds in THRESHOLDS.items():
+        for quality, bounds in _THRESHOLDS.items():
             self.quality = quality
             breach = self._breach(bounds)
             if not breach:
@@ -94,14 +111,14 @@ class TimingMonitor:
         if not name:
             return ''
         value = getattr(self.statistics, name)
-        bound = getattr(THRESHOLDS[self.quality + 1], name)
+        bound = getattr(_THRESHOLDS[self.quality + 1], name)
         if name in ('latency', 'jitter'):
             bound *= self._period
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
         expected = 'needed' if name == 'response_rate' else 'allowed'
         return f'{name.replace("_", " ")} {value:.0%}, {expected} {bound:.0%}'
 
-    def _breach(self, bounds: Threshold) -> str:
+    def _breach(self, bounds: _Threshold) -> str:
         """Name of the statistic that breaks its bound, empty if none does.
 
         Misses follow from commands that are lost or late: they are named last.
