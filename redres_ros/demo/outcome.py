@@ -133,7 +133,7 @@ def pressing_values(forces: np.ndarray, desired: Sequence[float]) -> _Values | N
 
     `rms` and `largest` are of its error, from a second after the first touch on [N], `peak` is the
     force before [N], and `contact_lost` the number of states without contact after the first touch.
-    Forces are (N, 4), with their times [s]; a moment may follow the desired force.
+    The forces (N, 4) come with their times [s]; a moment may follow the desired force.
     """
     direction = np.array(desired[:3])
     size = float(np.linalg.norm(direction))

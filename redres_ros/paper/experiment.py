@@ -71,7 +71,8 @@ class MeasuredMotion:
 
 
 def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMotion:
-    """The motion of positions sampled from t = 0 on, by the Savitzky-Golay filter of the paper.
+    """The motion of positions q (N, n) [rad] sampled from t = 0 on, by the Savitzky-Golay filter of
+    the paper.
 
     Each sample gets the derivatives of the polynomial of fifth degree that fits it and half a
     window of samples on either side best. That is W + 1 samples: with an even number the estimates

@@ -53,8 +53,8 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
 def joint_bars(
     names: Sequence[str], fractions: np.ndarray, acting: Mapping[str, Iterable[str]]
 ) -> str:
-    """A bar for each joint as HTML, which shows its fraction of the range, 0 to 1, (n,), and the
-    limits that act on it, or on a pair of bodies.
+    """A bar for each joint as HTML, with the limits that act on it or on a pair of bodies. The
+    fractions (n,) are of the joints' ranges, 0 to 1.
     """
     bars = dict(zip(names, map(_bar, fractions.tolist()), strict=True))
     places = dict.fromkeys([*names, *sorted(acting)])

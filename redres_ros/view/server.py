@@ -106,8 +106,8 @@ class TeleopChannel:
         self._lock = threading.Lock()
 
     def press(self, who: object, direction: np.ndarray, now: Seconds) -> bool:
-        """Hold the switch, asking for fractions -1 to 1 of the speeds, (6,); whether nobody else
-        does.
+        """Hold the switch; whether nobody else does. The direction (6,) is of fractions -1 to 1 of
+        the speeds.
         """
         with self._lock:
             beat = self._beat
