@@ -35,7 +35,7 @@ ACTIVE_LIMITS = 'controller/active_limits'
 PROGRESS = 'planner/progress'
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
-LOOK_PERIOD = 0.2
+_LOOK_PERIOD = 0.2
 
 
 class Telemetry:
@@ -52,7 +52,7 @@ class Telemetry:
             for topic, kind in types.items()
         }
         self._look()  # a recording listens from the first message on
-        node.create_timer(LOOK_PERIOD, self._look, clock=STEADY)
+        node.create_timer(_LOOK_PERIOD, self._look, clock=STEADY)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
         """Publish the message, number or text that `make` returns, unless it is None; it is called
