@@ -160,6 +160,8 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
     start = arm.run.start_stamp
     assert waits(arm.go(1000, scaling))
     assert arm.run.state is TaskState.WAITING
+    arm.tick(1.0)
+    assert arm.run.clock.rate == 0.0  # from rest
     assert np.linalg.norm(reference(arm.go(300)).error) < 0.02
     assert arm.run.start_stamp == start
     arm.go(4000)
@@ -272,6 +274,8 @@ def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:
     arm.run.begin(homing())
     after = dq(arm.tick(1.0))
     assert np.abs(after - before).max() < 2.0 * T  # twice what A = 1 rad/s^2 allows in a cycle
+    arm.go(200, 0.0)
+    assert arm.run.is_running  # it has begun, and waits to go on
     go_home(arm)
     assert arm.run.state is TaskState.MOVING
 
