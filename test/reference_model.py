@@ -31,15 +31,7 @@ class ReferenceModel:
         return data.xpos[self._tip].copy(), data.xmat[self._tip].reshape(3, 3).copy(), J
 
     def dynamics(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Inertia matrix, and Coriolis, centrifugal and gravity torques.
-
-        Args:
-            q: Joint positions, (n,) [rad].
-            dq: Joint velocities, (n,) [rad/s].
-
-        Returns:
-            M(q), (n, n) [kg m^2], with rotors, and n(q, dq), (n,) [Nm].
-        """
+        """M(q) with rotors, (n, n) [kg m^2], and n(q, dq), (n,) [Nm]."""
         self._forward(q, dq)
         return inertia(self._model, self._data), self._data.qfrc_bias.copy()
 

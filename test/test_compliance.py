@@ -3,19 +3,17 @@
 import numpy as np
 import pytest
 from contact_scenes import PUSH, elbow_direction, elbow_pushed
-from test_yielding import EPOCH, LIMITS
+from test_command_loop import T
+from test_yielding import LIMITS, LoopedArm
 
 from redres_ros import LAWS, Compliance, Controller, Posture, RobotModel, make_law
 from redres_ros.errors import ArrayError
 from redres_ros.limits.joint import VelocityLimit
-from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.policy import make_policy
 from redres_ros.robot_model import RobotState, TickContext
 
 pytestmark = pytest.mark.slow
-
-T = 0.002  # [s]
 
 
 @pytest.mark.parametrize(
@@ -81,47 +79,28 @@ def test_a_force_on_the_tip_moves_nothing_in_the_null_space(law: str) -> None:
     assert commands[1] == pytest.approx(commands[0], abs=1e-9)
 
 
-class TorqueLoop:
-    """An ideal arm behind a command loop, with torques from outside."""
-
-    def __init__(self) -> None:
-        self.model = RobotModel.named('fr3')
-        self.q = np.array(self.model.arm.start)
-        law = make_law('minimum_acceleration', damping=10.0)
-        preferences = (Compliance(), Posture())
-        controller = Controller(
-            self.model, law, T, switch_time=0.1, limits=LIMITS, preferences=preferences
-        )
-        self.loop = CommandLoop(controller)
-        self.tick = 0
-
-    def run(self, seconds: float, torques: np.ndarray | None) -> np.ndarray:
-        """References (N, n) [rad] while torques (n,) [Nm] are measured, or none are."""
-        references = []
-        for _ in range(round(seconds / T)):
-            self.tick += 1
-            if torques is not None:
-                self.loop.measurements.enter('external_torques', 0, torques)
-            stamp = EPOCH + round(self.tick * T * 1e9)
-            response = self.loop.step(stamp, self.q, self.tick * T)
-            assert response is not None
-            self.q = response.command.q_ref
-            references.append(self.q)
-        return np.array(references)
+def yielding_arm() -> LoopedArm:
+    """An FR3 that yields to torques from outside."""
+    model = RobotModel.named('fr3')
+    law = make_law('minimum_acceleration', damping=10.0)
+    controller = Controller(
+        model, law, T, switch_time=0.1, limits=LIMITS, preferences=(Compliance(), Posture())
+    )
+    return LoopedArm(controller, np.array(model.arm.start))
 
 
 def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
-    arm = TorqueLoop()
+    arm = yielding_arm()
     start = arm.q
     x0, _ = arm.model.tip(start)
     push = arm.model.jacobian(start, arm.model.elbow_frame)[:3].T @ (
         PUSH * elbow_direction(arm.model.state(start, np.zeros(7)))
     )
-    assert (arm.run(0.2, np.zeros(7)) == start).all()
-    arm.run(1.0, push)
+    assert (arm.run(0.2, torques=np.zeros(7)) == start).all()
+    arm.run(1.0, torques=push)
     assert arm.loop.mode is Mode.MOVING
     assert np.abs(arm.q - start).max() > 0.05
-    arm.run(25.0, np.zeros(7))
+    arm.run(25.0, torques=np.zeros(7))
     assert arm.loop.mode is Mode.HOLDING
     # it holds once it is slower than 1e-4 rad/s, with posture and damping 2.5e-4 rad away
     assert arm.q == pytest.approx(start, abs=1e-3)
@@ -129,10 +108,10 @@ def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
 
 
 def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command() -> None:
-    arm = TorqueLoop()
-    arm.run(0.5, np.full(7, 5.0))
+    arm = yielding_arm()
+    arm.run(0.5, torques=np.full(7, 5.0))
     assert arm.loop.mode is Mode.MOVING
-    arm.run(1.0, np.zeros(3))
+    arm.run(1.0, torques=np.zeros(3))
     assert 'expected 7 values' in arm.loop.error
     before = arm.q
-    assert (arm.run(0.2, np.zeros(3)) == before).all()
+    assert (arm.run(0.2, torques=np.zeros(3)) == before).all()

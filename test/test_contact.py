@@ -173,19 +173,14 @@ def test_a_sensor_without_usable_wrenches_is_not_tared() -> None:
 
 
 @pytest.mark.parametrize(
-    ('wrench', 'words'),
-    [
-        (None, 'no wrench for 0.05 s (admittance.wrench_timeout)'),
-        (np.full(6, np.nan), 'expected finite values'),
-        (wrench_along(3, 1e10), 'expected finite values below 1e+09'),
-    ],
+    ('wrench', 'ticks'),
+    [(None, 24), (np.full(6, np.nan), 0), (wrench_along(3, 1e10), 0)],  # within 0.05 s, or at once
 )
-def test_a_wrench_that_cannot_be_used_ends_the_motion(wrench: Any, words: str) -> None:
+def test_a_wrench_that_cannot_be_used_ends_the_motion(wrench: Any, ticks: int) -> None:
     loop = IdealLoop(ContactControl(settings(), T))
     loop.tick(wrench_along(0, 1.0))
-    positions, reason = loop.until_it_ends(wrench, 30)
-    assert words in reason
-    assert len(positions) - 1 == pytest.approx(24 if wrench is None else 0, abs=1)  # 0.05 s
+    positions, _ = loop.until_it_ends(wrench, 30)
+    assert len(positions) - 1 == pytest.approx(ticks, abs=1)
 
 
 def test_above_the_force_limit_the_tip_retreats_along_the_force_and_then_ends() -> None:
@@ -223,16 +218,16 @@ def test_contact_that_was_found_begins_the_search_distance_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ('given', 'error', 'words'),
+    ('given', 'error'),
     [
-        ({'mass': (0.0,) * 6}, ArrayError, 'mass holds 6 values; expected 3 or 6, like damping'),
-        ({'damping': (1.0, 1.0, 0.0)}, RangeError, 'direction 3'),
-        ({'damping': (-1.0, 1.0, 1.0)}, RangeError, 'damping'),
-        ({'force': (np.nan, 0.0, 0.0)}, RangeError, 'force'),
+        ({'mass': (0.0,) * 6}, ArrayError),  # as many as damping has: 3
+        ({'damping': (1.0, 1.0, 0.0)}, RangeError),  # a direction without mass and damping
+        ({'damping': (-1.0, 1.0, 1.0)}, RangeError),
+        ({'force': (np.nan, 0.0, 0.0)}, RangeError),
     ],
 )
-def test_settings_that_cannot_be_are_refused(given: Any, error: type, words: str) -> None:
-    with pytest.raises(error, match=words):
+def test_settings_that_cannot_be_are_refused_by_name(given: Any, error: type) -> None:
+    with pytest.raises(error, match=next(iter(given))):
         settings(**given)
 
 

@@ -1,8 +1,8 @@
 """Random messages on every topic and random values for every parameter: no node fails, and nothing
 bad gets through.
 
-Most cases go straight into the callbacks of nodes in this process, some over DDS to nodes of their
-own. Some hundreds in all; with REDRES_NIGHTLY=1 ten thousand.
+They go straight into the callbacks of nodes in this process: some hundreds, and with
+REDRES_NIGHTLY=1 ten thousand.
 """
 
 import math
@@ -290,6 +290,3 @@ class TestCallbacks:
             words = [value] if isinstance(value, str) else value
             assert all(word in descriptor.additional_constraints for word in words)
         return True
-
-
-# --- over DDS -------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from contact_scenes import elbow_direction
 
 from redres_ros.contact import Admittance, AdmittanceSettings
 from redres_ros.controller import Controller
-from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.laws import make_law
 from redres_ros.paper.second_order import make_scheme
 from redres_ros.preferences import Compliance
@@ -73,19 +73,13 @@ def by_velocity(
     law: str,
     settings: AdmittanceSettings,
     force: Force,
-    bandwidth: float | None = None,
     *,
     elbow_push: float = 10.0,
-    felt: float = 1.0,
     T: float = T,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """dq (N, n) and the tip's motion (N, 3) by the admittance, of an ideal arm or one with servos
-    of a bandwidth [rad/s]; the sensor measures a fraction of the force.
-    """
+    """dq (N, n) and the tip's motion (N, 3) by the admittance, of an ideal arm."""
     arm = Arm(elbow_push)
     plant = IdealPlant(arm.model.joint_names, T, arm.q0)
-    if bandwidth:
-        plant = MujocoPlant(arm.model.arm, T, arm.q0, servo_bandwidth=bandwidth)
     controller = Controller(arm.model, make_law(law, damping=DAMPING), T, preferences=(COMPLIANCE,))
     admittance = Admittance(settings, T)
     rows = []
@@ -93,11 +87,10 @@ def by_velocity(
         state = arm.state(k * T, plant.q, np.zeros(arm.model.n))
         f = force(k * T, state.x - arm.x0)
         controller.measurements = state.measurements
-        wrench = np.append(felt * f, np.zeros(3))
+        wrench = np.append(f, np.zeros(3))
         command = controller.update(plant.q, admittance.rate(wrench, state))
         admittance.record(command, np.zeros(3))
         rows.append((command.dq, state.x - arm.x0))
-        plant.push(f)
         plant.step(command.q_ref)
     dq, x = zip(*rows, strict=True)
     return np.array(dq), np.array(x)
@@ -150,30 +143,14 @@ def test_a_wrong_admittance_is_found_out():
     assert np.abs(dq - by_scheme('minimum_acceleration', IMPEDANCE, pushed_tip)).max() > 1e-9
 
 
-def stepped(bandwidth: float | None = None, felt: float = 1.0) -> np.ndarray:
-    """What the tip does along a step of force, with 4 kg, 40 N s/m and 400 N/m, (N,) [m]."""
+def test_a_step_of_force_is_answered_like_the_analytic_mass_damper_and_spring():
     settings = AdmittanceSettings(
         enabled=True, mass=(4.0,) * 3, damping=(40.0,) * 3, stiffness=(400.0,) * 3
     )
     push = np.array((0.0, STEP, 0.0))
-    law = 'minimum_acceleration'
-    _, x = by_velocity(
-        law, settings, lambda *_: push, bandwidth, elbow_push=0.0, felt=felt, T=0.002
-    )
-    return x[:, 1]
-
-
-def test_a_step_of_force_is_answered_like_the_analytic_mass_damper_and_spring():
+    _, x = by_velocity('minimum_acceleration', settings, lambda *_: push, elbow_push=0.0, T=0.002)
     t = 0.002 * np.arange(1000)
     omega = np.sqrt(75.0)  # K / M - (D / 2 M)^2
     decay = np.exp(-5.0 * t) * (np.cos(omega * t) + 5.0 / omega * np.sin(omega * t))
     end = STEP / 400.0
-    assert np.abs(stepped() - end * (1.0 - decay)).max() < 0.02 * end
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize('bandwidth', [100.0, 400.0])
-def test_on_the_plant_the_servos_explain_the_rest(bandwidth):
-    deflection = stepped(bandwidth, felt=0.0)
-    moved = stepped(bandwidth)
-    assert np.abs(moved - stepped() - deflection).max() < 0.002 * STEP / 400.0
+    assert np.abs(x[:, 1] - end * (1.0 - decay)).max() < 0.02 * end

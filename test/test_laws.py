@@ -2,7 +2,7 @@
 itself.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -33,7 +33,6 @@ WITH_MEMORY = pytest.mark.parametrize(
         'minimum_torque',
     ],
 )
-FORGOTTEN = 1.0 / T  # the damping that makes lambda zero
 
 
 def solve(law: Law, state: RobotState, dx: np.ndarray = DX) -> np.ndarray:
@@ -54,25 +53,20 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 
 @EVERY_LAW
 @EVERY_DAMPING
-def test_the_task_is_executed(cls, damping, states):
+def test_the_task_is_executed_and_no_other_motion_is_better_in_the_norm_of_the_law(
+    cls, damping, states
+):
     law = cls(damping=damping)
     for state in states:
+        b = law.bias(state, T)
+        W = weight(law, state)
+        dq = solve(law, state)
         # Rounding is relative to the fastest of the motions that add up, which gravity sets in the
         # torque laws.
-        assert np.linalg.norm(state.J[:3] @ solve(law, state) - DX) < ROUNDING * (
-            1.0 + np.linalg.norm(law.bias(state, T))
-        )
-
-
-@EVERY_LAW
-@EVERY_DAMPING
-def test_no_step_in_the_null_space_is_better_in_the_norm_of_the_law(cls, damping, states):
-    law = cls(damping=damping)
-    for state in states:
-        way = solve(law, state) - law.bias(state, T)
-        W = weight(law, state)
-        gradient = null_space(state.J[:3]).T @ W @ way
-        assert np.linalg.norm(gradient) < ROUNDING * np.linalg.norm(W, 2) * np.linalg.norm(way)
+        assert np.linalg.norm(state.J[:3] @ dq - DX) < ROUNDING * (1.0 + np.linalg.norm(b))
+        gradient = null_space(state.J[:3]).T @ W @ (dq - b)
+        size = np.linalg.norm(W, 2) * np.linalg.norm(dq - b)
+        assert np.linalg.norm(gradient) < ROUNDING * size
 
 
 @EVERY_LAW
@@ -107,21 +101,20 @@ def test_every_gain_has_a_description_and_a_range_that_holds_its_default(cls):
 @EVERY_LAW
 @pytest.mark.parametrize('damping', [-1e-9, np.inf, np.nan])
 def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damping):
-    with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to'):
+    with pytest.raises(RangeError, match='damping'):
         cls(damping=damping)
 
 
 @EVERY_LAW
 @pytest.mark.parametrize(
-    ('damping', 'T', 'bound'), [(1000.1, 0.001, '1000'), (501.0, 0.002, '500')]
+    ('damping', 'T', 'bound'), [(1000.1, 0.001, 1000.0), (501.0, 0.002, 500.0)]
 )
 def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
     cls, damping, T, bound
 ):
-    with pytest.raises(
-        RangeError, match=f'damping is {damping}; allowed: 0 to {bound} .*1/T.*T = {T}'
-    ):
+    with pytest.raises(RangeError, match='1/T') as caught:
         cls(damping=damping).check_damping(T)
+    assert caught.value.upper == pytest.approx(bound)
 
 
 @EVERY_LAW
@@ -139,19 +132,14 @@ def test_a_law_is_made_by_name_with_its_gains(name):
     assert law_name(make_law(name)) == name
 
 
-def test_an_unknown_law_is_refused_with_the_names_that_exist():
-    with pytest.raises(
-        UnknownNameError,
-        match="unknown law 'fastest'; allowed: dynamically_consistent, minimum_acc",
-    ):
-        make_law('fastest')
-
-
-def test_an_unknown_gain_is_refused_with_those_of_the_law():
-    with pytest.raises(
-        UnknownNameError, match="unknown gain of minimum_velocity 'stiffness'; allowed: damping"
-    ):
-        make_law('minimum_velocity', stiffness=1.0)
+@pytest.mark.parametrize(
+    ('law', 'gains', 'allowed'),
+    [('fastest', {}, tuple(sorted(LAWS))), ('minimum_velocity', {'k': 1.0}, ('damping',))],
+)
+def test_an_unknown_law_or_gain_is_refused_with_those_that_exist(law, gains, allowed):
+    with pytest.raises(UnknownNameError) as caught:
+        make_law(law, **gains)
+    assert tuple(caught.value.allowed) == allowed
 
 
 # --- the paper's formulas -------------------------------------------------------------------------
@@ -175,87 +163,6 @@ def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_veloc
         assert same(
             solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev
         )  # Eq. (15), (23)
-
-
-# --- the torque-level schemes, one tick with the rules (8), (9), (10) -----------------------------
-
-
-@dataclass(frozen=True)
-class Tick:
-    """What a torque-level scheme knows at tick k: the state, the demanded task acceleration and J̇
-    dq.
-    """
-
-    state: RobotState
-    ddx: np.ndarray
-    dJdq: np.ndarray
-
-
-@pytest.fixture(scope='module')
-def ticks(model, states) -> list[Tick]:
-    """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
-    result = []
-    for state in states:
-        J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J[:3]
-        ddx = (DX - J_prev @ state.dq_prev) / T  # Eq. (8)
-        result.append(Tick(state, ddx, (state.J[:3] - J_prev) / T @ state.dq_prev))  # Eq. (9), (10)
-    return result
-
-
-def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J[:3]
-    M_inv = np.linalg.inv(tick.state.M)
-    return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (
-        tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n
-    )  # Eq. (7)
-
-
-def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J[:3]
-    M = tick.state.M
-    return (
-        M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)
-    )  # Eq. (25)
-
-
-def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J[:3]
-    M = tick.state.M
-    M_inv = np.linalg.inv(tick.state.M)
-    task_inertia = np.linalg.inv(J @ M_inv @ J.T)
-    tau_N = -k_d * M @ tick.state.dq_prev  # Eq. (34)
-    P = np.eye(7) - J.T @ task_inertia @ J @ M_inv  # Eq. (30)
-    return (
-        J.T @ task_inertia @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n) + P @ tau_N
-    )  # Eq. (29)
-
-
-@pytest.mark.parametrize(
-    ('scheme', 'damping'),
-    [
-        (minimum_torque, 0.0),
-        (minimum_weighted_torque, 0.0),
-        (dynamically_consistent, 0.0),
-        (dynamically_consistent, 10.0),
-        (dynamically_consistent, FORGOTTEN),
-    ],
-)
-def test_a_torque_law_moves_as_its_torque_level_scheme_does(scheme, damping, ticks):
-    law = make_law(scheme.__name__, damping=damping)
-    for tick in ticks:
-        ddq = np.linalg.solve(tick.state.M, scheme(tick, damping) - tick.state.n)  # Eq. (6)
-        assert same(solve(law, tick.state), tick.state.dq_prev + T * ddq)  # Eq. (13)
-
-
-def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks):
-    for tick in ticks:
-        J_pinv = np.linalg.pinv(tick.state.J[:3])
-        P = np.eye(7) - J_pinv @ tick.state.J[:3]
-        ddq = J_pinv @ (tick.ddx - tick.dJdq) - 10.0 * P @ tick.state.dq_prev  # Eq. (22)
-        assert same(
-            solve(make_law('minimum_acceleration', damping=10.0), tick.state),
-            tick.state.dq_prev + T * ddq,
-        )
 
 
 # --- Appendix B: no task, so all of the last velocity is in the null space ------------------------

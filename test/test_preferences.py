@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from redres_ros import (
-    LAWS,
     PREFERENCES,
     Controller,
     ElbowHeight,
@@ -23,13 +22,12 @@ from redres_ros import (
     make_law,
     make_preference,
 )
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError
 from redres_ros.policy import make_policy
 
 T = 0.002  # [s]
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 EVERY_PREFERENCE = pytest.mark.parametrize('name', PREFERENCES)
-WITH_MEMORY = pytest.mark.parametrize('law', [name for name in LAWS if LAWS[name].has_memory])
 STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 both stay below 1e-9
 
 
@@ -200,11 +198,6 @@ def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():
     assert not acceleration(beside, -1.0).any()
     assert acceleration(beside, 1.0) == pytest.approx(-40.0 * 0.4)
     assert acceleration(-beside, -1.0) == pytest.approx(40.0 * 0.4)
-
-
-def test_an_unknown_preference_is_refused_with_those_that_exist(model):
-    with pytest.raises(UnknownNameError, match="unknown preference 'comfort'; allowed: compliance"):
-        Controller(model, make_law('minimum_acceleration'), T, preferences=('comfort',))
 
 
 def test_a_posture_of_another_arm_is_refused(model, states):

@@ -52,19 +52,6 @@ def problems(weighted: bool) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, n
 # --- far from singularities -----------------------------------------------------------------------
 
 
-@WEIGHTS
-def test_the_task_is_executed(weighted):
-    for J, dx, b, W in problems(weighted):
-        assert J @ resolve(J, dx, b, W) == pytest.approx(dx, abs=ROUNDING)
-
-
-@WEIGHTS
-def test_no_step_in_the_null_space_leads_nearer_to_the_bias(weighted):
-    for J, dx, b, W in problems(weighted):
-        gradient = resolve(J, dx, b, W) - b if W is None else W @ (resolve(J, dx, b, W) - b)
-        assert np.abs(null_space(J).T @ gradient).max(initial=0.0) < ROUNDING
-
-
 @pytest.mark.parametrize('form', ['identity', 'weight', 'factor', 'square'])
 def test_it_is_the_formula_of_the_paper_written_plainly(form):
     for J, dx, b, W in PROBLEMS:
@@ -91,23 +78,16 @@ def test_numbers_of_other_types_are_taken(kind):
 
 
 @WEIGHTS
-def test_a_row_of_zeros_as_of_a_planar_arm_changes_nothing(weighted):
-    for J, dx, b, W in problems(weighted):
-        if len(J) == len(b):
-            continue
-        dq = resolve(np.insert(J, 1, 0.0, axis=0), np.insert(dx, 1, 0.5), b, W)
-        assert dq == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
-
-
-@WEIGHTS
 def test_a_planar_arm_is_damped_only_where_it_is_asked_to_leave_its_plane(weighted):
+    """Its row of zeros changes nothing of what the others ask for."""
     for J, dx, b, W in problems(weighted):
         if len(J) == len(b):
             continue
         flat = np.insert(J, 1, 0.0, axis=0)
-        _, damped_in_plane = resolve_one(flat, np.insert(dx, 1, 0.0), b, W)
-        _, damped = resolve_one(flat, np.insert(dx, 1, 0.5), b, W)
-        assert (damped_in_plane, damped) == (False, True)
+        for out_of_plane in (0.0, 0.5):
+            dq, damped = resolve_one(flat, np.insert(dx, 1, out_of_plane), b, W)
+            assert dq == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
+            assert damped is (out_of_plane > 0.0)
 
 
 def test_arguments_are_left_as_they_are():
@@ -161,15 +141,6 @@ def test_above_the_threshold_the_task_is_executed_exactly():
     J = near_singular(1.01 * SINGULAR_RATIO)
     dx = np.array((0.1, -0.2, 0.3))
     assert J @ resolve(J, dx, np.ones(7)) == pytest.approx(dx, abs=1e-9)  # condition of J J': 1e6
-
-
-def test_below_the_threshold_only_the_lost_direction_suffers():
-    J = near_singular(0.1 * SINGULAR_RATIO)
-    dx = np.array((0.1, -0.2, 0.3))
-    lost = np.linalg.svd(J)[0][:, 2]
-    error = J @ resolve(J, dx, np.ones(7)) - dx
-    assert abs(lost @ error) > 0.9 * abs(lost @ dx)
-    assert error - lost * (lost @ error) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_crossing_the_threshold_makes_no_jump():
@@ -246,16 +217,6 @@ WEIGHT_KINDS = pytest.mark.parametrize(
 
 
 @WEIGHT_KINDS
-def test_tasks_that_do_not_conflict_are_all_executed(kind):
-    for seed in range(20):
-        levels, b, W = random_levels(seed)
-        dq, damped = resolve_in_order(levels, b, kind(W))
-        assert not damped
-        for J, dx in levels:
-            assert J @ dq == pytest.approx(dx, abs=1e-9)
-
-
-@WEIGHT_KINDS
 def test_a_lower_task_never_disturbs_a_higher_one(kind):
     """The second one asks for what the first one forbids; four levels in all."""
     for seed in range(20):
@@ -322,36 +283,25 @@ def test_what_is_desired_is_what_is_executed_and_what_a_singularity_blocks():
 # --- what cannot be used --------------------------------------------------------------------------
 
 
-def refusal(**changes: np.ndarray) -> str:
-    """The message with which resolve refuses a good problem after these changes."""
-    J, dx, b, W = random_problem(3, 7, 0)
-    with pytest.raises(ArrayError) as caught:
-        resolve(**({'J': J, 'dx': dx, 'b': b, 'W': W} | changes))
-    return str(caught.value)
-
-
-SINGULAR = np.diag((1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0))
+SHAPES_OF = {'J': (3, 7), 'dx': (3,), 'b': (7,)}
+NOT_FINITE = (np.nan, np.inf, -np.inf)
 CHANGES = [
-    ({'dx': np.ones(4)}, 'dx has shape (4,); expected (3,)'),
-    ({'b': np.ones(3)}, 'b has shape (3,); expected (7,)'),
-    ({'W': np.ones((3, 3))}, 'W has shape (3, 3); expected (7, 7)'),
-    ({'J': np.ones((7, 3))}, 'J has shape (7, 3)'),
-    ({'J': np.ones((1, 3, 7))}, 'J has shape (1, 3, 7)'),
-    ({'J': np.ones((0, 7))}, 'J has shape (0, 7)'),
-    ({'W': np.full((7, 7), np.nan)}, 'W'),
-    ({'W': SINGULAR}, 'positive definite W'),
-    ({'W': -np.eye(7)}, 'positive definite'),
+    {'dx': np.ones(4)},
+    {'b': np.ones(3)},
+    {'W': np.ones((3, 3))},
+    {'J': np.ones((7, 3))},
+    {'J': np.ones((1, 3, 7))},
+    {'J': np.ones((0, 7))},
+    {'W': np.full((7, 7), np.nan)},
+    {'W': np.diag((1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0))},
+    {'W': -np.eye(7)},
+    *({name: np.full(shape, value)} for name, shape in SHAPES_OF.items() for value in NOT_FINITE),
 ]
 
 
-@pytest.mark.parametrize(('changes', 'words'), CHANGES, ids=range(len(CHANGES)))
-def test_what_is_no_problem_is_refused_with_what_is_expected(changes, words):
-    assert words in refusal(**changes)
-
-
-@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize(('name', 'shape'), [('J', (3, 7)), ('dx', (3,)), ('b', (7,))])
-def test_values_that_are_not_finite_are_refused_in_one_line(name, shape, value):
-    message = refusal(**{name: np.where(np.arange(np.prod(shape)).reshape(shape) == 2, value, 1.0)})
-    assert '\n' not in message
-    assert name in message
+@pytest.mark.parametrize('changes', CHANGES, ids=range(len(CHANGES)))
+def test_what_is_no_problem_is_refused_by_name_in_one_line(changes):
+    J, dx, b, W = random_problem(3, 7, 0)
+    (name,) = changes
+    with pytest.raises(ArrayError, match=f'^[^\n]*{name}[^\n]*$'):
+        resolve(**({'J': J, 'dx': dx, 'b': b, 'W': W} | changes))

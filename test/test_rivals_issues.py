@@ -76,19 +76,49 @@ def test_pink_206_a_start_beyond_the_range_is_left_within_the_speed_limits() -> 
     assert commands[-1].q_ref[1] <= RobotModel.named('iiwa7').q_max[1]
 
 
-def test_pink_163_a_joint_beyond_its_range_by_rounding_is_no_error() -> None:
-    """There, 0.13 mrad beyond the range raised an exception."""
-    q = beyond_the_range('iiwa7', 1, 1.3e-4)
-    commands = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 100)
-    assert commands[-1].J @ commands[-1].dq == pytest.approx([0.0, 0.05, 0.0], abs=1e-9)
+@pytest.mark.parametrize(
+    ('arm', 'excess', 'dx'),
+    [
+        pytest.param('iiwa7', 1.3e-4, (0.0, 0.05, 0.0), id='pink_163_beyond_by_rounding'),
+        pytest.param('planar4r', None, (0.02, 0.0, 0.02), id='moveit2_3411_lacks_a_direction'),
+    ],
+)
+def test_an_arm_beside_its_end_or_without_a_direction_moves_as_it_should(
+    arm: str, excess: float | None, dx: tuple[float, ...]
+) -> None:
+    """There, 0.13 mrad beyond the range raised an exception, and an arm of four joints was in an
+    emergency stop from the first twist on.
+    """
+    q = start_of(arm) if excess is None else beyond_the_range(arm, 1, excess)
+    commands = follow(arm, q, steady(*dx), 100)
+    assert commands[-1].J @ commands[-1].dq == pytest.approx(dx, abs=1e-9)
 
 
-def test_mink_162_a_target_far_out_of_reach_asks_no_joint_for_more_than_it_has() -> None:
-    """There, 134 rad/s where 5 were allowed."""
-    target = np.array((3.0, 2.0, 1.0))  # [m]
-    commands = follow('fr3', start_of('fr3'), lambda tick, x: 10.0 * (target - x), 1000)
-    assert_speeds_kept('fr3', commands)
-    assert_range_kept('fr3', [command.q_ref for command in commands])
+TARGET = np.array((3.0, 2.0, 1.0))  # [m], far out of reach
+TWISTS = 0.5 * np.random.default_rng(0).normal(size=(20, 3))  # [m/s], a new one every 100 ticks
+
+
+@pytest.mark.parametrize(
+    ('arm', 'source', 'limits'),
+    [
+        pytest.param('fr3', lambda _, x: 10.0 * (TARGET - x), BOX, id='mink_162_out_of_reach'),
+        pytest.param(
+            'fr3', lambda tick, _: TWISTS[tick // 100], (*BOX, 'jerk'), id='franka_ros2_168_jumps'
+        ),
+        pytest.param('iiwa7', steady(0.0, 0.3, 0.0), BOX, id='moveit2_3065_from_rest'),
+    ],
+)
+def test_whatever_is_asked_for_references_stay_within_the_limits(
+    arm: str, source: Source, limits: tuple[str, ...]
+) -> None:
+    """There, 134 rad/s where 5 were allowed, libfranka's reflexes, and a jolt."""
+    commands = follow(arm, start_of(arm), source, 2000, limits=limits)
+    assert_speeds_kept(arm, commands)
+    assert_range_kept(arm, [command.q_ref for command in commands])
+    if 'jerk' in limits:
+        accelerations = np.array([np.zeros(7), *(command.ddq for command in commands)])
+        jerk = np.abs(np.diff(accelerations, axis=0)) / T
+        assert (jerk <= np.array(ARMS[arm].jerk_limit) * (1.0 + ROUNDING)).all()
 
 
 @pytest.mark.parametrize('arm', by_day(1, ['fr3', 'iiwa7', 'lwr4']))
@@ -112,27 +142,7 @@ def test_cartesian_controllers_170_a_joint_beyond_its_range_is_not_thrown_back_t
     assert (np.abs(first.q_ref - q) <= step * (1.0 + ROUNDING)).all()
 
 
-def test_franka_ros2_168_references_have_no_discontinuity_however_the_twist_jumps() -> None:
-    """There, libfranka's reflexes ended motions by position references: nothing limited them."""
-    random = np.random.default_rng(0)
-    twists = 0.5 * random.normal(size=(20, 3))  # [m/s], a new one every 100 ticks
-    limits = (*BOX, 'jerk')
-    commands = follow(
-        'fr3', start_of('fr3'), lambda tick, x: twists[tick // 100], 2000, limits=limits
-    )
-    assert_speeds_kept('fr3', commands)
-    accelerations = np.array([np.zeros(7), *(command.ddq for command in commands)])
-    jerk = np.abs(np.diff(accelerations, axis=0)) / T
-    assert (jerk <= np.array(ARMS['fr3'].jerk_limit) * (1.0 + ROUNDING)).all()
-
-
 # --- singularities --------------------------------------------------------------------------------
-
-
-def test_moveit2_3411_an_arm_that_always_lacks_a_direction_moves_in_the_others() -> None:
-    """There, an arm of four joints was in an emergency stop from the first twist on."""
-    commands = follow('planar4r', start_of('planar4r'), steady(0.02, 0.0, 0.02), 100)
-    assert commands[-1].J @ commands[-1].dq == pytest.approx([0.02, 0.0, 0.02], abs=1e-9)
 
 
 @pytest.mark.parametrize('arm', ['lwr4', 'iiwa7'])
@@ -184,16 +194,17 @@ def test_isaaclab_7862_no_pose_ends_with_joints_pinned_at_their_ends() -> None:
 # --- twists ---------------------------------------------------------------------------------------
 
 
-def test_moveit2_3065_a_twist_from_rest_starts_within_the_acceleration_limits() -> None:
-    """There, only positions and velocities were limited, and joints started with a jolt."""
-    commands = follow('iiwa7', start_of('iiwa7'), steady(0.0, 0.3, 0.0), 500)
-    assert_speeds_kept('iiwa7', commands)
-    assert commands[-1].s == 1.0
+def sometimes(fraction: float) -> Callable[[int], bool]:
+    """True for that fraction of cycles, at random."""
+    came = np.random.default_rng(0).random(1000) < fraction
+    return lambda cycle: bool(came[cycle])
 
 
-def speeds_of(
-    sent: Callable[[int], bool], arrives: Callable[[int], bool] = lambda cycle: True
-) -> np.ndarray:
+def always(cycle: int) -> bool:
+    return True
+
+
+def speeds_of(sent: Callable[[int], bool], arrives: Callable[[int], bool]) -> np.ndarray:
     """Tip speeds [m/s] while 0.1 m/s is asked for, by twists that come in some of the cycles.
 
     The robot's state arrives in some of them, too.
@@ -213,21 +224,18 @@ def speeds_of(
     return np.array(speeds)
 
 
-def test_moveit2_2136_a_twist_that_does_not_come_now_and_then_stops_nothing() -> None:
-    """There, the velocity dropped to zero now and then, and jumped up again."""
-    random = np.random.default_rng(0)
-    speeds = speeds_of(lambda cycle: bool(random.random() > 0.3))
-    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
-
-
-def test_ros2_kortex_412_a_policy_of_60_hz_moves_the_arm_without_stops() -> None:
-    """There, a controller of trajectories stopped and started with every message."""
-    speeds = speeds_of(lambda cycle: cycle % 8 == 0)
-    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
-
-
-def test_kuka_drivers_35_a_connection_that_worsens_now_and_then_stops_no_motion() -> None:
-    """There, a quality that worsened for moments stopped the robot's command mode."""
-    random = np.random.default_rng(0)
-    speeds = speeds_of(lambda cycle: True, lambda cycle: bool(random.random() > 0.05))
-    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
+@pytest.mark.parametrize(
+    ('sent', 'arrives'),
+    [
+        pytest.param(sometimes(0.7), always, id='moveit2_2136_some_twists_do_not_come'),
+        pytest.param(lambda cycle: cycle % 8 == 0, always, id='ros2_kortex_412_policy_of_60_Hz'),
+        pytest.param(always, sometimes(0.95), id='kuka_drivers_35_some_states_do_not_come'),
+    ],
+)
+def test_a_message_that_does_not_come_now_and_then_stops_no_motion(
+    sent: Callable[[int], bool], arrives: Callable[[int], bool]
+) -> None:
+    """There, the velocity dropped to zero, the arm stopped and started with every message, or the
+    robot's command mode ended.
+    """
+    assert speeds_of(sent, arrives)[500:] == pytest.approx(0.1, abs=1e-6)

@@ -42,36 +42,21 @@ def test_the_start_of_the_paper_is_at_its_first_point(model):
     assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3
 
 
-def test_the_reach_is_that_of_the_links_and_the_tool(model):
-    shoulder = np.array((0.0, 0.0, 0.323))
-    tips = np.array([model.tip(q)[0] for q, _ in random_motion(7, 300)])
-    assert np.linalg.norm(tips - shoulder, axis=1).max() < 1.003
-    assert np.linalg.norm(model.tip(np.zeros(7))[0] - shoulder) == pytest.approx(1.003, abs=1e-12)
-
-
 # --- kinematics -----------------------------------------------------------------------------------
 
 STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 / 6 both stay below 1e-10
 DIFFERENCES = 1e-9
 
 
-def test_the_linear_rows_of_the_jacobian_are_the_derivative_of_the_position(model):
-    for q, dq in random_motion(7, 100):
-        J = model.state(q, dq).J[:3]
-        columns = [
-            (model.tip(q + e)[0] - model.tip(q - e)[0]) / (2 * STEP) for e in STEP * np.eye(7)
-        ]
-        assert J == pytest.approx(np.array(columns).T, abs=DIFFERENCES)
-
-
-def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation():
-    model = RobotModel.named('lwr4_paper')
+def test_the_jacobian_is_the_derivative_of_position_and_orientation(model):
     for q, dq in random_motion(7, 100):
         state = model.state(q, dq)
-        for e, column in zip(STEP * np.eye(7), state.J[3:].T, strict=True):
-            # skew-symmetric [w]x
-            spin = (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)
-            assert column == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=DIFFERENCES)
+        for e, column in zip(STEP * np.eye(7), state.J.T, strict=True):
+            (ahead, R_ahead), (behind, R_behind) = model.tip(q + e), model.tip(q - e)
+            spin = (R_ahead - R_behind) @ state.R.T / (2 * STEP)  # skew-symmetric [w]x
+            turn = (spin[2, 1], spin[0, 2], spin[1, 0])
+            expected = np.append((ahead - behind) / (2 * STEP), turn)
+            assert column == pytest.approx(expected, abs=DIFFERENCES)
 
 
 def test_at_another_velocity_a_state_keeps_what_the_position_decides(model):
@@ -131,22 +116,6 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
 
 
 # --- the paper's dynamics -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ('name', 'd'), [('lwr4', independent.BARE), ('lwr4_paper', independent.PAPER)]
-)
-def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, d):
-    robot = ET.fromstring(find_arm(name, dynamics='cylinders').description())
-    # Link 1 begins above the raised base, which the paper's d_1 includes. It turns about its own
-    # axis: no matter.
-    for i, length in enumerate(np.maximum((0.3105, *d[1:]), 0.001), start=1):
-        inertial = robot.find(f"link[@name='link_{i}']/inertial")
-        inertia = {key: float(value) for key, value in inertial.find('inertia').attrib.items()}
-        assert float(inertial.find('mass').get('value')) == 1.0
-        assert inertia['izz'] == pytest.approx(0.06**2 / 2)
-        assert inertia['ixx'] == inertia['iyy'] == pytest.approx((3 * 0.06**2 + length**2) / 12)
-        assert inertia['ixy'] == inertia['ixz'] == inertia['iyz'] == 0.0
 
 
 @pytest.mark.parametrize('name', ARMS)
@@ -242,17 +211,12 @@ def test_a_vector_of_another_shape_or_not_finite_is_refused_by_name(model, name,
         model.state(**arguments)
 
 
-def test_an_unknown_robot_is_refused_with_those_that_exist():
-    with pytest.raises(
-        UnknownNameError, match="unknown robot 'iiwa'; allowed: fr3, gen3, iiwa7, lwr4"
-    ):
+def test_an_unknown_robot_or_frame_is_refused_with_those_that_exist(model):
+    with pytest.raises(UnknownNameError, match='allowed: fr3, gen3, iiwa7, lwr4'):
         RobotModel.named('iiwa')
-
-
-def test_an_unknown_frame_is_refused_with_those_that_exist(model):
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'hand'; allowed: .*tool0"):
+    with pytest.raises(UnknownNameError, match='allowed: .*tool0'):
         model.position(np.zeros(7), 'hand')
-    with pytest.raises(UnknownNameError, match="unknown frame 'hand'"):
+    with pytest.raises(UnknownNameError, match='hand'):
         RobotModel(replace(ARMS['lwr4'], tip_frame='hand'))
 
 
@@ -283,7 +247,6 @@ def pickled(original: object) -> object:
 
 
 EVERY_COPY = pytest.mark.parametrize('copied', [pickled, copy, deepcopy])
-SMALL = 2000  # bytes: the fields of an arm, where Pinocchio's data would take 250,000
 
 
 def models(tmp_path: Path) -> list[RobotModel]:
@@ -326,11 +289,6 @@ def test_a_copy_and_its_original_share_no_data(model: RobotModel) -> None:
     assert np.isfinite(other.state(q_other, q).J).all()
     assert (state.R == model.tip(q)[1]).all()
     assert (x == model.tip(q)[0]).all()
-
-
-@pytest.mark.parametrize('name', ARMS)
-def test_a_pickled_model_of_the_table_is_small(name: str) -> None:
-    assert len(pickle.dumps(RobotModel.named(name))) < SMALL
 
 
 @pytest.mark.parametrize('copied', [pickled, deepcopy])

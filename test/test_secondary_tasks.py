@@ -209,13 +209,6 @@ def test_a_pose_is_executed_far_from_singularities_whatever_the_law(law, model):
         assert not command.unachieved.any()
 
 
-def test_an_unknown_task_is_refused_with_those_that_exist(model):
-    with pytest.raises(
-        UnknownNameError, match="unknown task 'dance'; allowed: axis, configuration, elbow"
-    ):
-        Controller(model, make_law('minimum_velocity'), T, task='dance')
-
-
 @pytest.mark.parametrize(
     'lower', [Position(frame='knee'), Joint(joint='knee')], ids=['frame', 'joint']
 )
@@ -233,17 +226,3 @@ def test_a_direction_of_no_length_is_refused(cls):
     length = 4 if cls is Orientation else 3
     with pytest.raises(ArrayError, match='not all zero'):
         cls(target=(0.0,) * length)
-
-
-# --- live -----------------------------------------------------------------------------------------
-
-
-def test_a_law_switched_on_the_way_keeps_what_is_held(model, task):
-    controller = Controller(
-        model, make_law('minimum_velocity'), T, secondary_tasks=('orientation',)
-    )
-    _, R = model.tip(task.start)
-    q = follow(controller, task.start, 0.5)
-    controller.switch_law(make_law('minimum_acceleration'))
-    _, R_end = model.tip(follow(controller, q, 0.5))
-    assert np.linalg.norm(rotation_vector(R @ R_end.T)) < 1e-3

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from nightly import by_day
-from scipy.optimize import linprog, minimize
+from scipy.optimize import minimize
 
 from redres_ros import LAWS, Command, Controller, RobotModel, make_law
 from redres_ros.geometry import quintic
@@ -24,7 +24,6 @@ NO_GAINS: dict[str, float] = {}
 BRAKING = {'acceleration.reach': 0.02}
 # share of a path -> x_d (3,), and its slope by the share (3,)
 Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
-EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
 
 
 @cache
@@ -108,22 +107,6 @@ def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law
     assert -(x_end - x) @ outward > 0.7 * 400 * T * SPEED
 
 
-@pytest.mark.slow
-@SOME_PAIRS
-def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law):
-    """Outward until the arm is stretched, on against its end, and inward."""
-    model = model_of(arm)
-    _, outward = stretched(arm)
-    bent = led_inward(arm, law)[-1].q_ref
-    ways = [SPEED * outward] * 600 + [-SPEED * outward] * 600
-    commands = driven(arm, law, bent, ways)
-    check(arm, commands)
-    x_bent, _ = model.tip(bent)
-    x_end, _ = model.tip(commands[-1].q_ref)
-    assert (x_end - x_bent) @ outward < 0.05
-    assert still(commands[600:]) <= 2
-
-
 # --- along a path, as a planner asks for it -------------------------------------------------------
 
 
@@ -149,13 +132,6 @@ def ticks_along(
         q = command.q_ref
 
 
-def followed(
-    arm: str, law: str, q: np.ndarray, path: Path, duration: float, gains=NO_GAINS
-) -> list[Tick]:
-    """The ticks along a path, at most 4000 of them."""
-    return list(islice(ticks_along(arm, law, q, path, duration, BOX, gains), 4000))
-
-
 def inward(arm: str) -> Path:
     """Straight away from the stretched arm, 0.1 m."""
     q, outward = stretched(arm)
@@ -171,44 +147,21 @@ def is_damped(arm: str, command: Command) -> bool:
     return bool(values[-1] < SINGULAR_RATIO * values[0])
 
 
-def greatest_scaling(arm: str, command: Command, dx: np.ndarray, dq_prev: np.ndarray) -> float:
-    """The largest s with J dq = s dx that speeds and accelerations allow: a linear program."""
-    model = model_of(arm)
-    change = np.array(ARMS[arm].acceleration_limit) * T  # (n,) [rad/s] in one tick
-    lower = np.maximum(-model.dq_max, dq_prev - change)
-    upper = np.minimum(model.dq_max, dq_prev + change)
-    solution = linprog(
-        np.append(np.zeros(len(lower)), -1.0),
-        A_eq=np.column_stack((command.J, -dx)),
-        b_eq=np.zeros(len(dx)),
-        bounds=[*zip(lower, upper, strict=True), (0.0, 1.0)],
-    )
-    return float(solution.x[-1])
-
-
 @pytest.mark.slow
 @SOME_PAIRS
-def test_within_limits_it_is_on_its_path_at_once_and_at_full_speed_as_soon_as_joints_can(arm, law):
-    """As soon as they can: no tick is slower than its speeds and accelerations allow, and so it is
-    at full speed before the path is at its fastest, half way.
-    """
+def test_within_limits_it_is_on_its_path_at_once_and_at_full_speed_soon(arm, law):
+    """At full speed before the path is at its fastest, half way."""
     q, _ = stretched(arm)
     duration = 1.0  # [s]
     t = 0.0  # [s] of the path's clock
-    dq_prev = np.zeros(len(q))
     is_out = False
-    for k, (command, dx, error) in enumerate(ticks_along(arm, law, q, inward(arm), duration)):
+    for command, dx, error in ticks_along(arm, law, q, inward(arm), duration):
         is_out = not is_damped(arm, command)
         if is_out:
             assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
             assert error < 0.2e-3
         if is_out and command.s == 1.0:
             break
-        if is_out and k % 5 == 0:  # each fifth: a program takes 50 times as long as a tick
-            # It keeps its rows to 1e-7, beside a dx of 1e-3 and more.
-            s = greatest_scaling(arm, command, dx, dq_prev)
-            assert command.s == pytest.approx(s, rel=1e-3)
-        dq_prev = command.dq
         t += command.s * T
     assert is_out
     assert t < 0.5 * duration
@@ -243,7 +196,8 @@ def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
 def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm):
     """The middle of an arc of 20 cm is 5 mm and more out of reach; it crept there for ever."""
     bent, path = arc(arm, 0.2)
-    found = followed(arm, 'minimum_velocity', bent, path, 5.0, gains=BRAKING)
+    ticks = ticks_along(arm, 'minimum_velocity', bent, path, 5.0, gains=BRAKING)
+    found = list(islice(ticks, 4000))
     commands = [command for command, _, _ in found]
     check(arm, commands)
     assert still(commands) <= 2
