@@ -112,28 +112,22 @@ class Controller:
         """A controller at rest, for one arm and one sampling time.
 
         Args:
-            law: The law to begin with: a name in LAWS, or a law.
-            task: What dx is the velocity of: a name in TASKS, or a task.
+            task: What dx is the velocity of.
             switch_time: Duration of the crossfade of changes, starts and stops; 0: at once.
             integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a
                 servo's lag does not make the arm creep, or the last 'measurement'.
             robot_interface: What the robot does without a command: a name in ROBOT_INTERFACES.
-            limits: Names in LIMITS, or limits, that every command keeps.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
             limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
-            preferences: Names in PREFERENCES, or preferences; they add up.
-            secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
-                stands for holding the value at the start of the motion.
+            preferences: They add up.
+            secondary_tasks: In order of priority below `task`. A name stands for holding the value
+                at the start of the motion.
             scaling: What limits scale: the 'task' velocity as a whole, which keeps its direction,
                 or its 'components', translation and rotation, for teleoperation.
 
-        Raises:
-            RangeError: For T, switch_time, a scale or the law's damping.
-            UnknownNameError: For a name that is in no table, and for a frame or a joint of a task
-                that the arm does not have.
-            ArrayError: For limits that the arm has no values for, and for a target that does not
-                fit the arm.
+        Raises RedresError for a value out of its range, a name in no table, and what does not fit
+        the arm.
         """
         check_value('T', T, _SAMPLING_TIME)
         check_value('switch_time', switch_time, _SWITCH_TIME)
@@ -337,10 +331,7 @@ class Controller:
     ) -> Plan:
         """The next reference, for commit(); arguments as of update().
 
-        Raises:
-            ArrayError: As update().
-            RangeError: As update().
-            DivergedError: As update().
+        Raises RedresError as update().
         """
         if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')

@@ -102,13 +102,9 @@ class Gain:
     kind: str  # of its owner, such as 'law'
     owner: str  # the name in its table
     name: str  # of its field
+    key: str  # for nodes, the command line and errors, such as 'posture.gain'
     default: Any  # of its field, whose type it has
     parameter: Parameter
-
-    @property
-    def key(self) -> str:
-        """Its name for nodes, the command line and errors, such as 'posture.gain'."""
-        return _key(self.kind, self.owner, self.name)
 
 
 class Table(dict[str, type[T]]):
@@ -133,17 +129,13 @@ class Table(dict[str, type[T]]):
         return not at or bool(word and getattr(self[name], 'qualifier', ''))
 
     def make(self, entry: str, *arguments: object, **gains: object) -> T:
-        """An object of the class of that name.
+        """An object of the class of that name, also with an @.
 
         Args:
-            entry: Name in the table, also with an @.
             *arguments: What comes before the gains: of a limit, the arm and a scale.
             **gains: Fields declared with `param` that differ from their defaults: damping=10.0.
 
-        Raises:
-            UnknownNameError: No such name in the table, or no such gain.
-            RangeError: A gain outside its range.
-            ArrayError: A gain that should be a vector of finite numbers.
+        Raises UnknownNameError for no such name or gain; RangeError and ArrayError for its value.
         """
         if entry not in self:
             raise UnknownNameError(self.kind, entry, self)
@@ -194,7 +186,8 @@ class Table(dict[str, type[T]]):
         """The gains of the entries of those names, or of all; none of one that is not there."""
         for owner in names or self:
             for f, parameter in parameters(self[owner]).items() if owner in self else ():
-                yield Gain(self.kind, owner, f.name, f.default, parameter)
+                key = _key(self.kind, owner, f.name)
+                yield Gain(self.kind, owner, f.name, key, f.default, parameter)
 
     @property
     def gain_keys(self) -> dict[str, None]:

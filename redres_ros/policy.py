@@ -62,9 +62,7 @@ class Policy:
     def solve(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution:
         """The optimum at this tick."""
         free = self.unconstrained(state, dx, T)
-        if self.limits is None:
-            return free
-        return self.constrained(free, state, T)
+        return free if self.limits is None else self.constrained(free, state, T)
 
     def unconstrained(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution:
         """The optimum without limits, Eq. (A.13), for several tasks Eq. (20)."""
@@ -147,12 +145,7 @@ class Policy:
         )
 
     def check(self, model: RobotModel, T: Seconds | None = None) -> None:
-        """Refuse a policy that does not fit an arm, or a sampling time; None: any.
-
-        Raises:
-            RangeError: A damping outside [0, 1/T].
-            RedresError: A frame or a joint that the arm does not have, or too few angles.
-        """
+        """Raise RedresError for a policy that does not fit an arm, or T; None: any."""
         if T is not None:
             self.law.check_damping(T)
         zeros = np.zeros(model.n)
@@ -312,7 +305,8 @@ def advanced(
         return desired
     fade = motion if isinstance(motion, Crossfade) else Crossfade(motion, desired, dq_prev)
     before = fade.new if fade is motion else fade.old
-    if desired is not before and _is_sudden(before, desired):
+    knows_task = isinstance(before, Policy) and before.task == desired.task
+    if desired is not before and (isinstance(desired, Hold) or not knows_task):
         fade = Crossfade(None, desired, dq_prev)
     step = T / switch_time if switch_time > 0.0 else 1.0
     if fade.progress + step >= 1.0:
@@ -339,11 +333,8 @@ def make_policy(
     Gains are of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
     building blocks that are not in use do nothing.
 
-    Raises:
-        UnknownNameError: A name that is in no table.
-        RangeError: A gain or a scale outside its range.
-        RepeatedNameError: A limit, preference or task that is named twice.
-        ArrayError: Limits that the arm has no values for, a target that does not fit.
+    Raises RedresError for a value out of its range, a name that is in no table or given twice, and
+    what does not fit the arm.
     """
     policy = Policy(
         LAWS.resolve(law, gains),
@@ -374,11 +365,6 @@ def _limits(
         limits, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
     )
     return made if limits else None
-
-
-def _is_sudden(old: Motion | None, new: Policy | Hold) -> bool:
-    """Whether a change must not wait, or the old motion knows nothing of the new task."""
-    return not isinstance(old, Policy) or isinstance(new, Hold) or old.task != new.task
 
 
 def _mixed(old: TaskVelocity | None, new: TaskVelocity | None, c: float) -> TaskVelocity | None:

@@ -20,15 +20,15 @@ from redres_ros.kernels.closed_form import (
     INCOMPLETE,
     INDEFINITE,
     NOT_FINITE,
+    SINGULAR,
     SINGULAR_RATIO,
-    SOLVED,
     SQUARE,
     WEIGHT,
     closed_form,
     fill_factor,
     solve_rows,
 )
-from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
+from redres_ros.types import FLOAT64, Jacobian, JointVelocities, TaskVelocity
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -85,7 +85,7 @@ Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None 
 Level = tuple[Jacobian, TaskVelocity]  # of one task
 
 
-class ResistingLimit(Protocol):
+class _ResistingLimit(Protocol):
     """The limit that resists hardest."""
 
     @property
@@ -105,7 +105,7 @@ class Solution:
     levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
     scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
     s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
-    active_limit: ResistingLimit | None = None  # None if none resists
+    active_limit: _ResistingLimit | None = None  # None if none resists
     dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()
@@ -145,10 +145,9 @@ def resolve_in_order(
     J, dx = levels[0]
     dq = np.empty(len(b))
     outcome = _solve(J, dx, *stacked(levels[1:], len(b)), b, W, 0.0, _FASTEST, dq)
-    if outcome in (SOLVED, INCOMPLETE):
-        return dq, outcome == INCOMPLETE
-    _check_outcome(outcome, dq, J, dx, b, W)
-    return _resolve_in_order_carefully(levels, b, W)
+    if outcome == SINGULAR:
+        return _resolve_in_order_carefully(levels, b, W)
+    return dq, outcome == INCOMPLETE
 
 
 def resolve_one(
@@ -167,9 +166,8 @@ def resolve_one(
     """
     dq = np.empty(len(b))
     outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)
-    if outcome in (SOLVED, INCOMPLETE):
+    if outcome != SINGULAR:
         return dq, outcome == INCOMPLETE
-    _check_outcome(outcome, dq, J, dx, b, W)
     dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
@@ -221,18 +219,38 @@ def _solve(
     fastest: float,
     dq: JointVelocities,
 ) -> int:
-    """The outcome of `closed_form`, which writes into dq; arrays of any type."""
+    """SINGULAR, INCOMPLETE or SOLVED: the outcome of `closed_form`, which writes into dq.
+
+    Raises ArrayError for a problem without a solution.
+    """
     array = _NO_WEIGHT
     form = IDENTITY
     if W is not None:
         array, form = as_array(W)
-    try:
-        outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
-    except TypeError:  # not of float64
-        given = (J, dx, J_lower, dx_lower, b, array)
-        arrays = [np.asarray(each, np.float64) for each in given]
-        outcome = closed_form(*arrays, form, size, fastest, dq)
+    # A kernel that is called directly would misread other types, which users' laws may return.
+    dtypes_fit = (
+        J.dtype is dx.dtype is J_lower.dtype is dx_lower.dtype is b.dtype is array.dtype is FLOAT64
+    )
+    if not (
+        dtypes_fit
+        and J.ndim == J_lower.ndim == array.ndim == 2
+        and dx.ndim == dx_lower.ndim == b.ndim == 1
+    ):
+        J, J_lower, array = (_converted(each, 2) for each in (J, J_lower, array))
+        dx, dx_lower, b = (_converted(each, 1) for each in (dx, dx_lower, b))
+    outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    if outcome == INDEFINITE:
+        raise _indefinite(array)
+    if outcome == NOT_FINITE:
+        raise ArrayError(_complaint(J, dx, b, W, dq))
     return outcome
+
+
+def _converted(array: np.ndarray, ndim: int) -> np.ndarray:
+    """The array in float64. Raises ArrayError for one of another number of dimensions."""
+    if array.ndim != ndim:
+        raise ArrayError(f'a law or task gives an array of shape {array.shape}; expected {ndim}-D')
+    return np.asarray(array, np.float64)
 
 
 def _resolve_in_order_carefully(
@@ -340,21 +358,6 @@ def _check_shapes(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight) 
             raise ArrayError(
                 f'{name} has shape {array.shape}; expected {shape} beside J of shape {J.shape}'
             )
-
-
-def _check_outcome(
-    outcome: int,
-    dq: JointVelocities,
-    J: Jacobian,
-    dx: TaskVelocity,
-    b: JointVelocities,
-    W: Weight,
-) -> None:
-    """Raise ArrayError for a problem without a solution. Others may need damping."""
-    if outcome == INDEFINITE:
-        raise _indefinite(as_array(W)[0])
-    if outcome == NOT_FINITE:
-        raise ArrayError(_complaint(J, dx, b, W, dq))
 
 
 def _indefinite(W: np.ndarray) -> ArrayError:

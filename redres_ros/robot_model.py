@@ -62,8 +62,7 @@ class RobotState:
     """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
     dq_prev is the last command, which is all that is known of the velocity at a tick (footnote 4),
-    ddq_prev its acceleration, zero if none is given. Each quantity is evaluated once, when it is
-    asked for first: most laws do without most of them.
+    ddq_prev its acceleration. Each quantity is evaluated once, when it is asked for first.
     """
 
     # Until a quantity is asked for. A property with such a default takes half of what a

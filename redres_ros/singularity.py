@@ -75,11 +75,11 @@ def escape(
     scale = task.row_scale(state.model)
     if scale is None:
         scale = np.full(len(dx), 1.0 / state.model.reach)
-    z = escape_direction(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
+    z = _escape_direction(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
     return 0.0 if z is None else z
 
 
-def escape_direction(
+def _escape_direction(
     J: Jacobian, dJ: JacobianDerivatives, dx: TaskVelocity, dq_prev: JointVelocities
 ) -> JointVelocities | None:
     """A self-motion that leaves a singularity as fast as the task demands, in the sense of the last
@@ -106,7 +106,7 @@ def escape_direction(
     return np.copysign(size, sense) * z
 
 
-class EndOfReach(NamedTuple):
+class _EndOfReach(NamedTuple):
     """Directions of a task in which the arm nears its end too fast, and the others."""
 
     ended: np.ndarray  # (k, m) orthonormal rows
@@ -129,11 +129,7 @@ def brake_before_end(
     accelerate as hard as they may for its sake, and swing.
 
     Args:
-        free: Without limits.
         level: J and the executed dx of the first task, with comparable rows.
-        task: The first one.
-        state: Of the arm at this tick.
-        ddq_max: The acceleration limits.
         near: Fraction of the largest singular value below which a direction is beside its end.
             Farther off, limits make the arm slower on its path, and it may well stop in time.
         rows: Of the task, that must not be too fast; the others give way.
@@ -167,7 +163,7 @@ def end_of_reach(
     dx: TaskVelocity,
     ddq_max: JointAccelerations,
     near: float,
-) -> EndOfReach | None:
+) -> _EndOfReach | None:
     """The directions in which the arm would be too fast to stop at the end of its reach, or None.
     Rows are comparable.
     """
@@ -182,7 +178,7 @@ def end_of_reach(
     is_ended = np.abs(rho) > most
     if not is_ended.any():
         return None
-    return EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
+    return _EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
 
 
 def _fastest(

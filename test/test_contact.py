@@ -8,7 +8,7 @@ import pytest
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError, TareError
-from redres_ros.contact.contact_control import ForceSensor
+from redres_ros.contact.contact_control import _ForceSensor
 from redres_ros.errors import ArrayError, RangeError
 
 T = 0.002  # [s]
@@ -136,7 +136,7 @@ def test_on_off_and_any_change_are_no_jump() -> None:
 
 def test_a_wrench_of_any_link_becomes_that_of_the_tip() -> None:
     """The power of a wrench is the same in both: f'v + m'w with the velocities of either point."""
-    sensor = ForceSensor(0.05, T)
+    sensor = _ForceSensor(0.05, T)
     wrench = np.array((1.0, -2.0, 3.0, 0.4, 0.5, -0.6))
     sensor.enter(wrench, 'fr3_link6')
     _, R = MODEL.pose(Q0, 'fr3_link6')
@@ -146,7 +146,7 @@ def test_a_wrench_of_any_link_becomes_that_of_the_tip() -> None:
 
 
 def test_a_tare_takes_off_the_mean_of_what_is_measured() -> None:
-    sensor = ForceSensor(0.05, T)
+    sensor = _ForceSensor(0.05, T)
     bias = np.array((1.0, 2.0, 3.0, 0.1, 0.2, 0.3))
     for k in range(20):
         sensor.enter(bias + 0.1 * (-1.0) ** k)
@@ -156,7 +156,7 @@ def test_a_tare_takes_off_the_mean_of_what_is_measured() -> None:
 
 
 def test_a_sensor_without_usable_wrenches_is_not_tared() -> None:
-    sensor = ForceSensor(0.05, T)
+    sensor = _ForceSensor(0.05, T)
     with pytest.raises(TareError, match='no wrench'):
         sensor.tare()
     sensor.enter(np.full(6, np.inf))

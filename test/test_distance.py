@@ -120,8 +120,8 @@ def test_an_arm_has_pairs_that_are_clear_where_it_starts_and_none_that_nothing_m
     assert len(limit.bodies.pairs(limit.influence)) >= 3
     _, distances, _ = colliding(arm).approaches(start_of(limit.model), FARTHEST)
     assert (distances > CLEARANCE).all()
-    fixed = limit.scene.moved_by < 0
-    one, other = limit.scene.pairs.T
+    fixed = limit._scene.moved_by < 0
+    one, other = limit._scene.pairs.T
     assert not (fixed[one] & ((other < 0) | fixed[other])).any()
 
 

@@ -9,9 +9,8 @@ from scipy.optimize import linprog
 
 from redres_ros import LAWS, Controller, RobotModel
 from redres_ros.command import ROBOT_INTERFACES
-from redres_ros.kernels.boxes import BOXES, fill_boxes
+from redres_ros.kernels.boxes import BOXES, NO_LIMITS, fill_boxes
 from redres_ros.limits import make_limits
-from redres_ros.limits.limit import no_limits
 from redres_ros.robot_model import RobotState
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -34,7 +33,7 @@ class Joints:
 
     def __init__(self, count: int, A: float, J: float, T: float, V: float, width: float) -> None:
         self.A, self.J, self.T, self.V, self.end = A, J, T, V, width / 2.0
-        self.limits = no_limits(count)
+        self.limits = np.full(count, NO_LIMITS)
         self.limits['J'] = J
         for name in ('A', 'A_arm'):
             self.limits[name] = A

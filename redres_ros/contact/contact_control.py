@@ -37,7 +37,7 @@ class TareError(RedresError):
     """A tare that cannot be made."""
 
 
-class ForceSensor:
+class _ForceSensor:
     """Turns measured wrenches into force and moment of the environment on the tip."""
 
     def __init__(self, timeout: Seconds, T: Seconds) -> None:
@@ -111,7 +111,7 @@ class ContactControl:
     def __init__(
         self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
     ) -> None:
-        self.sensor = ForceSensor(settings.wrench_timeout, T)
+        self.sensor = _ForceSensor(settings.wrench_timeout, T)
         self.admittance = Admittance(settings, T, switch_time=switch_time)
         self.force = np.zeros(3)  # on the tip at the last tick, in the base frame, (3,) [N]
         self._T = T

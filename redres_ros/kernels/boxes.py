@@ -26,7 +26,10 @@ JOINT_LIMITS = np.dtype(
         ('A_stop', float, 2),  # [rad/s^2] with which the joint stops before these ends
     ]
 )
-NO_LIMITS = (np.inf, np.inf, np.inf, 0.0, np.inf, (-np.inf,) * 2, (np.inf,) * 2, (np.inf,) * 2)
+NO_LIMITS = np.array(
+    (np.inf, np.inf, np.inf, 0.0, np.inf, (-np.inf,) * 2, (np.inf,) * 2, (np.inf,) * 2),
+    JOINT_LIMITS,
+)
 
 # The boxes in which joint limits are kept, in this order.
 JERK = 0

@@ -12,7 +12,7 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part,
 
 # Results of `closed_form`.
 SOLVED = 0
-_SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
+SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
 INDEFINITE = 2  # W is not positive definite, or holds NaN
 NOT_FINITE = 3
 INCOMPLETE = 4  # solved without rows of zeros, whose velocity is not zero
@@ -247,11 +247,11 @@ def _solution(
     """
     m, n = Q.shape
     if m > n:
-        return _SINGULAR
+        return SINGULAR
     R = np.empty((m, m))
     _make_orthonormal(Q, R)  # J = R Q
     if not _are_regular(R, first, size):
-        return _SINGULAR
+        return SINGULAR
     _substitute(R, r)
     for i in range(n):
         dq[i] = b[i]
@@ -269,9 +269,10 @@ def _solution(
         square += dq[i] * dq[i]
     if not np.isfinite(square):
         return NOT_FINITE
-    return SOLVED if square <= fastest * fastest else _SINGULAR
+    return SOLVED if square <= fastest * fastest else SINGULAR
 
 
+@direct
 @compiled(
     int64(
         *(matrix(), vector(), matrix(), vector()),
@@ -296,7 +297,7 @@ def closed_form(
     before it leave. Rows of zeros in the first task, as of a planar arm, are left out. The weight W
     is (0, 0) for the identity, and else as `form` says. Singular values of the first task are
     judged against `size`, or the largest one; a dq longer than `fastest` is not the solution. The
-    result is SOLVED, INCOMPLETE, _SINGULAR, INDEFINITE or NOT_FINITE.
+    result is SOLVED, INCOMPLETE, SINGULAR, INDEFINITE or NOT_FINITE.
     """
     n = len(b)
     Q = np.empty((len(dx_first) + len(dx_lower), n))
@@ -314,7 +315,7 @@ def closed_form(
         else:
             first += 1
     if first == 0:
-        return _SINGULAR
+        return SINGULAR
     m = first + len(dx_lower)
     for k in range(first, m):
         r[k] = dx_lower[k - first]

@@ -42,20 +42,15 @@ def make_limits(
     torque_scale: float = 1.0,
     gains: Mapping[str, Any] = MappingProxyType({}),
 ) -> Limits:
-    """The limits of those names, to be kept together.
+    """The limits of those names in LIMITS, to be kept together; limits themselves stay as they are.
 
-    Args:
-        names: Of the table LIMITS; a limit that was made already is taken as it is.
-        model: The arm, which has their values.
-        limit_scale: The fraction of its velocities and accelerations that is allowed.
-        torque_scale: The fraction of its torques that is allowed.
-        gains: As {'position.margin': 0.02}; those of limits that are not asked for do nothing.
+    `limit_scale` is the fraction of the arm's velocities and accelerations that is allowed,
+    `torque_scale` that of its torques. Gains are as {'position.margin': 0.02}; those of limits that
+    are not asked for do nothing.
 
-    Raises:
-        UnknownNameError: for a limit or a gain that does not exist.
-        RangeError: for a gain or a scale outside its range.
-        RepeatedNameError: for a limit that is named twice.
-        ArrayError: for values that the arm lacks, and for a limit of another arm.
+    Raises UnknownNameError for a limit or a gain that does not exist, RangeError for a gain or a
+    scale, RepeatedNameError, and ArrayError for values that the arm lacks and for a limit of
+    another arm.
     """
     names = tuple(names)
     check_once('limit', names)

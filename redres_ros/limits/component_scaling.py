@@ -75,8 +75,8 @@ def solve_components(
     steady_box: Box,
     dq_prev: JointVelocities,
 ) -> Constrained:
-    """As solve_constrained(), with a scaling factor for each component of the first task, which has
-    so many rows (sizes).
+    """As solve_constrained(), also `active_set`, with a scaling factor for each component of the
+    first task, which has so many rows (sizes).
 
     The dx of a component that is `held` is only to hold it: it then counts as not asked for, and is
     executed with the least error in level 4. The steady box is that without the limits on

@@ -50,7 +50,7 @@ class _Place(NamedTuple):
     near: _Near  # all pairs that this tick may bring too near
 
 
-class Scene(NamedTuple):
+class _Scene(NamedTuple):
     """What moves and what it may collide with, as kernels/distances.py describes these arrays."""
 
     before: np.ndarray
@@ -64,7 +64,7 @@ class Scene(NamedTuple):
     walls: np.ndarray
 
     @classmethod
-    def of(
+    def made(
         cls,
         kinematics: Kinematics,
         moved_by: Sequence[int],
@@ -72,7 +72,7 @@ class Scene(NamedTuple):
         radius: np.ndarray,
         pairs: Sequence[Sequence[int]],
         walls: Sequence[Sequence[float]],
-    ) -> 'Scene':
+    ) -> '_Scene':
         """A scene of bodies that these joints move, without pairs that no joint brings nearer, such
         as a base that stands on the floor.
         """
@@ -127,11 +127,11 @@ class DistanceLimit(BrakingLimit):
 
     @property
     @abstractmethod
-    def scene(self) -> Scene:
+    def _scene(self) -> _Scene:
         """What may come near what; always the same."""
 
     @abstractmethod
-    def pair_name(self, one: int, other: int) -> str:
+    def _pair_name(self, one: int, other: int) -> str:
         """What two approach each other, such as 'link_5 to floor'."""
 
     @property
@@ -150,7 +150,7 @@ class DistanceLimit(BrakingLimit):
 
     def approaches(self, q: JointPositions, reach: Meters) -> _Near:
         """What is nearer than `reach`: C dq is the speed of approach [m/s]; who approaches whom."""
-        return _kernels().approaches(q, reach, *self.scene)
+        return _kernels().approaches(q, reach, *self._scene)
 
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         C, high, _ = _rows_at(self, state, T)
@@ -170,7 +170,7 @@ class DistanceLimit(BrakingLimit):
         _, _, who = _rows_at(self, state, T)
         if row >= len(who):
             return super().name(row - len(who), state, T)
-        return self.pair_name(*who[row].tolist())
+        return self._pair_name(*who[row].tolist())
 
     def can_be_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         """Whether no pair comes nearer than d_s, or than by braking at once, if the joints brake
@@ -184,7 +184,7 @@ class DistanceLimit(BrakingLimit):
         least_braking, _ = self._least(state, braking.v, T, 1, self.clearance)
         return bool((least >= np.minimum(least_braking, self.clearance)).all())
 
-    def clearance_rows(self, state: ReferenceState, T: Seconds) -> _ClearanceRows:
+    def _clearance_rows(self, state: ReferenceState, T: Seconds) -> _ClearanceRows:
         """Rows C dq <= high (r,) for which the arm keeps its clearance, and who approaches whom
         (r, 2).
 
@@ -254,7 +254,7 @@ class DistanceLimit(BrakingLimit):
         `enough`.
         """
         path = (state.q, dq, self.A, T, state.tick.gap, self._max_point_jacobian)
-        least, ticks = _kernels().least_on_path(*path, step, enough, *self.scene)
+        least, ticks = _kernels().least_on_path(*path, step, enough, *self._scene)
         return least, ticks
 
     def _braked(self, state: ReferenceState, T: Seconds, ticks: float) -> _Place:
@@ -298,7 +298,7 @@ class CollisionLimit(DistanceLimit):
         return self.model.bodies
 
     @cached_property
-    def scene(self) -> Scene:
+    def _scene(self) -> _Scene:
         """The bodies, and spheres that no joint moves after them; floors are walls."""
         shapes = read_shapes(self.obstacles, OBSTACLES)
         floors = [shape.numbers[0] for shape in shapes if shape.kind == 'floor']
@@ -311,7 +311,7 @@ class CollisionLimit(DistanceLimit):
             pairs.extend([body, -1 - floor] for floor in range(len(floors)))
             pairs.extend([body, number + sphere] for sphere in range(len(spheres)))
         kernels = _kernels()
-        return Scene.of(
+        return _Scene.made(
             self.model.kinematics,
             [*(bodies.moved_by - 1), *[kernels.BASE] * len(spheres)],
             np.concatenate((bodies.ends, np.repeat(spheres[:, None, :3], 2, axis=1))),
@@ -320,7 +320,7 @@ class CollisionLimit(DistanceLimit):
             [(kernels.HALF_SPACE, 0.0, 0.0, -1.0, -z, 0.0, 0.0) for z in floors],
         )
 
-    def pair_name(self, one: int, other: int) -> str:
+    def _pair_name(self, one: int, other: int) -> str:
         links = self.bodies.links
         names = (*links, *(f'sphere {k + 1}' for k in range(other - len(links) + 1)))
         return f'{links[one]} to {names[other] if other >= 0 else "floor"}'
@@ -349,13 +349,13 @@ class WorkspaceLimit(DistanceLimit):
     )
 
     @cached_property
-    def scene(self) -> Scene:
+    def _scene(self) -> _Scene:
         """The points, each of which may come near each wall."""
         kinematics = self.model.kinematics
         placed = [kinematics.links[frame] for frame in self._frames]
         points = np.array([pose[:3, 3] for _, pose in placed])
         walls = [row for _, row in self._walls]
-        return Scene.of(
+        return _Scene.made(
             kinematics,
             [joint for joint, _ in placed],
             np.repeat(points[:, None], 2, axis=1),
@@ -364,7 +364,7 @@ class WorkspaceLimit(DistanceLimit):
             walls,
         )
 
-    def pair_name(self, one: int, other: int) -> str:
+    def _pair_name(self, one: int, other: int) -> str:
         name, _ = self._walls[-1 - other]
         return f'{self._frames[one]} to {name}'
 
@@ -415,7 +415,7 @@ def _rows_of(shape: Shape) -> list[list[float]]:
 
 @lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
 def _rows_at(limit: DistanceLimit, state: ReferenceState, T: Seconds) -> _ClearanceRows:
-    return limit.clearance_rows(state, T)
+    return limit._clearance_rows(state, T)
 
 
 def _kernels() -> ModuleType:

@@ -78,7 +78,7 @@ class AccelerationLimit(BrakingLimit, JointLimit):
         live=True,
     )
 
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         limits['A'] = self.A
         limits['A_arm'] = self.A / self.scale
 
@@ -111,7 +111,7 @@ class JerkLimit(JointLimit):
         """The jerk that is allowed, (n,) [rad/s^3], if no command gets lost."""
         return _SEEN * self.scale * np.array(self._given_jerk)
 
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         limits['J'] = self.J
         limits['A_jerk'] = (
             _SEEN * self.scale * np.array(self.model.arm.acceleration_limit or np.inf)
@@ -130,7 +130,7 @@ class VelocityLimit(JointLimit):
         """The velocity that is allowed."""
         return self.scale * self.model.dq_max
 
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         limits['V'] = self.V
 
 
@@ -173,7 +173,7 @@ class PositionLimit(BrakingLimit, JointLimit):
         """The upper ends less the margin."""
         return self.model.q_max - self.margin
 
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         limits['lower'][:, 0] = self.q_min
         limits['upper'][:, 0] = self.q_max
         limits['A_stop'][:, 0] = self.A
@@ -195,7 +195,7 @@ class EndSpeedLimit(BrakingLimit, JointLimit):
     order = 3
     box = END_SPEED
 
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         lower = self.model.q_min
         upper = self.model.q_max
         A = self.A

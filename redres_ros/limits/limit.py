@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.kernels.boxes import JOINT_LIMITS, NO_LIMITS
 from redres_ros.parameter import Parameter, check_parameters, check_value
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.solver import Rows
@@ -61,13 +60,8 @@ class JointLimit(Limit):
     box: ClassVar[int]  # its own, in the order of kernels/boxes.py
 
     @abstractmethod
-    def limited(self, limits: np.ndarray) -> None:
+    def _enter(self, limits: np.ndarray) -> None:
         """Enter it into the limits of the joints, (n,) of JOINT_LIMITS."""
 
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         return np.empty((0, self.model.n)), np.empty(0), np.empty(0)
-
-
-def no_limits(n: int) -> np.ndarray:
-    """Joints without limits, (n,) of JOINT_LIMITS."""
-    return np.full(n, np.array(NO_LIMITS, JOINT_LIMITS))

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.kernels.boxes import BOXES, VELOCITY, fill_boxes, stopping_speed, within
+from redres_ros.kernels.boxes import BOXES, NO_LIMITS, VELOCITY, fill_boxes, stopping_speed, within
 from redres_ros.limits.component_scaling import executed_fractions, solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit
-from redres_ros.limits.limit import JointLimit, Limit, ReferenceState, no_limits
+from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import check_once
 from redres_ros.resolution import Level, Weight
 from redres_ros.robot_model import RobotModel
@@ -50,7 +50,7 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
-    ) -> 'tuple[Constrained, ActiveLimit | None]':
+    ) -> 'tuple[Constrained, _ActiveLimit | None]':
         """The velocity within the bounds that is best for the tasks, and then nearest to dq, the
         optimum without limits; and the limit that resists hardest, None if none does.
 
@@ -68,7 +68,7 @@ class Bounds:
             solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
             return solved, None
-        return solved, ActiveLimit(self, solved.limiting, solved.side)
+        return solved, _ActiveLimit(self, solved.limiting, solved.side)
 
     def _can_be_kept(self, dq: JointVelocities) -> bool:
         """Whether the joints can brake within the limits after this velocity."""
@@ -101,7 +101,7 @@ class Bounds:
 
 
 @dataclass(slots=True)  # made in every tick in which limits act
-class ActiveLimit:
+class _ActiveLimit:
     """The limit that resists hardest. Which one it is, is found on request."""
 
     bounds: Bounds
@@ -109,27 +109,25 @@ class ActiveLimit:
     side: int  # +1 for its upper end, -1 for its lower one
 
     @property
-    def limit(self) -> tuple[Limit, int]:
-        """The limit, and the number of its joint or row."""
-        limits = self.bounds.limits
-        index = self.index
-        if index < limits.model.n:
-            ends = self.bounds.boxes[:, (self.side + 1) // 2, index]
-            distances = [abs(ends[limit.box] - ends[BOXES]) for limit in limits.joint_limits]
-            return limits.joint_limits[distances.index(min(distances))], index
-        index -= limits.model.n
-        which = 0
-        while index >= len(self.bounds.rows[which][0]):
-            index -= len(self.bounds.rows[which][0])
-            which += 1
-        return limits.row_limits[which], index
-
-    @property
     def name(self) -> str:
         """'joint: limit'."""
-        limit, index = self.limit
-        place = limit.name(index, self.bounds.state, self.bounds.T)
+        limit, row = self._limit_and_row()
+        place = limit.name(row, self.bounds.state, self.bounds.T)
         return f'{place}: {self.bounds.limits.names[limit]}'
+
+    def _limit_and_row(self) -> tuple[Limit, int]:
+        """The limit, and the number of its joint or row."""
+        limits = self.bounds.limits
+        row = self.index - limits.model.n
+        if row < 0:
+            ends = self.bounds.boxes[:, (self.side + 1) // 2, self.index]
+            distances = [abs(ends[limit.box] - ends[BOXES]) for limit in limits.joint_limits]
+            return limits.joint_limits[distances.index(min(distances))], self.index
+        for limit, (C, _, _) in zip(limits.row_limits, self.bounds.rows, strict=True):
+            if row < len(C):
+                return limit, row
+            row -= len(C)
+        raise IndexError(self.index)
 
 
 class Limits:
@@ -152,9 +150,9 @@ class Limits:
         self.names = names
         self.joint_limits = tuple(joint_limits)
         self.row_limits = tuple(limit for limit in in_order if not isinstance(limit, JointLimit))
-        self._joints = no_limits(model.n)
+        self._joints = np.full(model.n, NO_LIMITS)
         for limit in joint_limits:
-            limit.limited(self._joints)
+            limit._enter(self._joints)
         self._boxes = np.empty((BOXES + 1, 2, model.n))  # of the last state
         self.acceleration: JointAccelerations | None = None  # that the arm is able to
         self.jerk: np.ndarray | None = None  # that is allowed

@@ -79,37 +79,40 @@ class Task(ABC):
 
 
 @dataclass(frozen=True)
-class FrameTask(Task):
-    """A task of one frame of the arm, given as in orientation@link_4; empty: the tip."""
+class _FrameTask(Task):
+    """Position, orientation or both of a frame, given as in orientation@link_4; empty: the tip."""
 
     qualifier: ClassVar[str] = 'frame'
+    part: ClassVar[slice]  # of the rows of the frame's Jacobian
     frame: str = ''
+
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return state.jacobian(self.frame)[self.part]
+
+    def derivatives(self, state: RobotState) -> JacobianDerivatives:
+        return state.jacobian_derivatives(self.frame)[:, self.part]
 
 
 @dataclass(frozen=True)
-class Position(FrameTask):
+class Position(_FrameTask):
     """Position of a frame's origin: 3 rows [m/s]."""
 
     size: ClassVar[int] = 3
+    part: ClassVar[slice] = slice(0, 3)
     target: tuple[float, ...] = param(
         (), 'desired position in the base frame [m]; none: that of the start'
     )
-
-    def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(self.frame)[:3]
-
-    def derivatives(self, state: RobotState) -> JacobianDerivatives:
-        return state.jacobian_derivatives(self.frame)[:, :3]
 
     def value(self, state: RobotState) -> np.ndarray:
         return state.pose(self.frame)[0]
 
 
 @dataclass(frozen=True)
-class Orientation(FrameTask):
+class Orientation(_FrameTask):
     """Orientation of a frame: 3 rows [rad/s]; the error is the rotation vector to the target."""
 
     size: ClassVar[int] = 3
+    part: ClassVar[slice] = slice(3, 6)
     target_size: ClassVar[int] = 4
     target: tuple[float, ...] = param(
         (), 'desired quaternion x, y, z, w [1]; none: that of the start'
@@ -118,12 +121,6 @@ class Orientation(FrameTask):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_direction('target of orientation', self.target)
-
-    def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(self.frame)[3:]
-
-    def derivatives(self, state: RobotState) -> JacobianDerivatives:
-        return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def value(self, state: RobotState) -> np.ndarray:
         return to_quaternion(state.rotation(self.frame))
@@ -142,10 +139,11 @@ class Orientation(FrameTask):
 
 
 @dataclass(frozen=True)
-class Pose(FrameTask):
+class Pose(_FrameTask):
     """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
 
     size: ClassVar[int] = 6
+    part: ClassVar[slice] = slice(0, 6)
     target_size: ClassVar[int] = 7
     components: ClassVar[tuple[int, ...]] = (3, 3)
     target: tuple[float, ...] = param(
@@ -155,12 +153,6 @@ class Pose(FrameTask):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_direction('target of pose', self.target[3:])
-
-    def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(self.frame)
-
-    def derivatives(self, state: RobotState) -> JacobianDerivatives:
-        return state.jacobian_derivatives(self.frame)
 
     def value(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
@@ -180,7 +172,7 @@ class Pose(FrameTask):
 
 
 @dataclass(frozen=True)
-class Axis(FrameTask):
+class Axis(Task):
     """Direction of an axis of a frame, free to turn about it: 2 rows [rad/s].
 
     The rows are the angular velocities about two directions that stand on the axis.
@@ -188,6 +180,8 @@ class Axis(FrameTask):
 
     size: ClassVar[int] = 2
     target_size: ClassVar[int] = 3
+    qualifier: ClassVar[str] = 'frame'
+    frame: str = ''
     axis: tuple[float, ...] = param((0.0, 0.0, 1.0), 'axis in the frame [1]')
     target: tuple[float, ...] = param(
         (0.0, 0.0, -1.0), 'desired direction in the base frame [1]; none: that of the start'
