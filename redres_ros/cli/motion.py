@@ -98,7 +98,7 @@ def find_contrast(options: argparse.Namespace, laws: Iterable[str]) -> NamedMoti
 
 
 def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
-    """The case under the first of some laws; errors as of find_motion()."""
+    """The case under the first of some laws; raises OptionError as find_motion() does."""
     laws = list(laws)
     limits: tuple[str, ...] = ()
     if options.limits != NONE:

@@ -47,7 +47,7 @@ class IdealPlant:
     def __init__(self, joint_names: Sequence[str], period: Seconds, q0: JointPositions) -> None:
         self.joint_names = tuple(joint_names)
         self.period = period
-        self.q = finite_vector(q0, len(self.joint_names), 'q')
+        self.q = finite_vector(q0, len(self.joint_names), 'start')
         self.dq = np.zeros_like(self.q)
         self.wrench = np.zeros(6)
         self.external_torques = np.zeros_like(self.q)
@@ -110,7 +110,7 @@ class MujocoPlant:
         self.period = period
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self.links = tuple(self._model.body(body).name for body in range(1, self._model.nbody))
-        self.q = finite_vector(q0, self._model.nq, 'q')
+        self.q = finite_vector(q0, self._model.nq, 'start')
         lower, upper = joint_range(self._model, np.inf)
         for name, value, least, most in zip(self.joint_names, self.q, lower, upper, strict=True):
             if not least <= value <= most:

@@ -83,7 +83,7 @@ class Measurements:
     def enter(
         self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
     ) -> None:
-        """Record what a preference or limit uses by this name, (k,); as enter_wrench().
+        """Record a value (k,) that a preference or limit uses by this name; as enter_wrench().
 
         Raises ArrayError for values that are not finite.
         """
