@@ -142,13 +142,9 @@ class ContactControl:
         """Go over to other settings, without a jump. Raises ArrayError for some that do not suit
         the task; the old ones then stay.
         """
-        self.check(settings)
+        settings.check(len(self.settings.damping))
         self.admittance.settings = settings
         self.sensor.timeout = settings.wrench_timeout
-
-    def check(self, settings: AdmittanceSettings) -> None:
-        """Raise ArrayError for settings that do not suit the task."""
-        settings.check(len(self.settings.damping))
 
     def restart(self) -> None:
         """Restart from rest, where the arm is."""

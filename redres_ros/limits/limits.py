@@ -131,15 +131,12 @@ class _ActiveLimit:
 
 
 class Limits:
-    """Limits of an arm that are kept together.
+    """Limits of an arm that are kept together, with the name of each.
 
     The boxes are intersected in their order: jerk, acceleration, velocity, position. A joint for
     which one has nothing in common with those before it goes as near to it as they allow. So a
     joint that is too fast or outside its range brakes, or comes back, as hard as its acceleration
     allows.
-
-    Args:
-        names: Each limit, in any order, with its name.
     """
 
     def __init__(self, model: RobotModel, names: Mapping[Limit, str]) -> None:

@@ -49,7 +49,7 @@ class Sensors:
         settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
         self._node = node
         self._model = model
-        settings.check(rows)
+        self._rows = rows  # of the task velocity
         self.contact = ContactControl(settings, T, switch_time=switch_time)
         self.check({})
         self._joints = JointMapper(model.joint_names)
@@ -74,7 +74,7 @@ class Sensors:
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
         settings = with_changes(self.contact.settings, changes, _PREFIX)
-        self.contact.check(settings)
+        settings.check(self._rows)
         if settings.frame not in (BASE, TIP):
             self._model.position(np.zeros(self._model.n), settings.frame)
 
