@@ -28,7 +28,7 @@ from redres_ros.kernels.closed_form import (
     fill_factor,
     solve_rows,
 )
-from redres_ros.types import FLOAT64, Jacobian, JointVelocities, TaskVelocity
+from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -227,30 +227,17 @@ def _solve(
     form = IDENTITY
     if W is not None:
         array, form = as_array(W)
-    # A kernel that is called directly would misread other types, which users' laws may return.
-    dtypes_fit = (
-        J.dtype is dx.dtype is J_lower.dtype is dx_lower.dtype is b.dtype is array.dtype is FLOAT64
-    )
-    if not (
-        dtypes_fit
-        and J.ndim == J_lower.ndim == array.ndim == 2
-        and dx.ndim == dx_lower.ndim == b.ndim == 1
-    ):
-        J, J_lower, array = (_converted(each, 2) for each in (J, J_lower, array))
-        dx, dx_lower, b = (_converted(each, 1) for each in (dx, dx_lower, b))
-    outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    try:
+        outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    except TypeError:  # not of float64
+        given = (J, dx, J_lower, dx_lower, b, array)
+        arrays = [np.asarray(each, np.float64) for each in given]
+        outcome = closed_form(*arrays, form, size, fastest, dq)
     if outcome == INDEFINITE:
         raise _indefinite(array)
     if outcome == NOT_FINITE:
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return outcome
-
-
-def _converted(array: np.ndarray, ndim: int) -> np.ndarray:
-    """The array in float64. Raises ArrayError for one of another number of dimensions."""
-    if array.ndim != ndim:
-        raise ArrayError(f'a law or task gives an array of shape {array.shape}; expected {ndim}-D')
-    return np.asarray(array, np.float64)
 
 
 def _resolve_in_order_carefully(

@@ -272,7 +272,6 @@ def _solution(
     return SOLVED if square <= fastest * fastest else SINGULAR
 
 
-@direct
 @compiled(
     int64(
         *(matrix(), vector(), matrix(), vector()),

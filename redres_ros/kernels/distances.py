@@ -276,7 +276,6 @@ def _add_motion(
         k = parents[k]
 
 
-@direct
 @compiled(several(float64[:, ::1], float64[::1], int64[:, ::1])(vector(), float64, *_SCENE))
 def approaches(
     q: np.ndarray,
@@ -330,7 +329,6 @@ def approaches(
     return C[:count], distance[:count], found[:count]
 
 
-@direct
 @compiled(
     several(float64[::1], float64[::1])(
         *(vector(), vector(), vector(), float64, float64, vector(), int64, float64),
@@ -475,7 +473,6 @@ def farthest_path(
     return path
 
 
-@direct
 @compiled(
     several(_ROWS, _VECTOR, _PAIRS)(
         *(matrix(), vector(), matrix(int64), vector(), vector()),
@@ -519,7 +516,6 @@ def damper_rows(
     return rows[:count], high[:count], pairs[:count]
 
 
-@direct
 @compiled(
     several(_ROWS, _VECTOR, _PAIRS)(
         *(matrix(), vector(), matrix(int64), vector(), matrix(int64)),
