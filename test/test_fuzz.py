@@ -187,7 +187,7 @@ class TestCallbacks:
                 case JointState():
                     controller._on_state(event)
                 case TwistStamped():
-                    controller._on_twist(event)
+                    controller._respond('cartesian_velocity', controller._enter_twist, event)
                 case String():
                     controller._on_session(event)
                 case bool():
