@@ -37,9 +37,10 @@ from redres_ros.demo.processes import NodeProcess
 pytestmark = pytest.mark.realtime
 
 RATE = 100.0  # [Hz]
-ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
+ALL = {'rate': RATE, 'robot': 'lwr4_paper'}
 STALL = 2.0  # [s] for which the robot waits for a command before it counts cycles as missed
 OWN = {
+    'controller': {'robot_interface': 'sim'},
     'sim': {'patience': STALL},
     'planner': {'autostart': True},
 }
