@@ -48,8 +48,7 @@ SIDE = np.array(
     ((0.0, 0.0, 0.0), (0.0, -0.1, 0.0))
 )  # [m] to and fro, far from the stretched arm and joint limits
 
-# [s] at most from sim/reset to command mode: 100 good packets, a new word on the session,
-# monitor_time
+# [s] at most from sim/reset to command mode: 100 good packets, a new word, monitor_time
 RECOVERY = 6.0
 # [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
 STANDSTILL = 1.5
