@@ -168,7 +168,7 @@ def test_the_task_is_finished_in_real_time(real_time: tuple[Path, str]) -> None:
     assert np.linalg.norm(end - load_task('rectangle').waypoints[POINTS - 1]) < 0.001
     figures = summary(out)
     assert (figures['task'], figures['stop_reason']) == ('finished', '')
-    assert figures['session'][-1] == 'CMD'  # the first word may come before anybody listens
+    assert figures['session'] in (['MON', 'CMD'], ['CMD'])  # the first word may be missed
     assert figures['motion']['final_error'] < 0.001
     assert (out / 'motion.png').read_bytes().startswith(b'\x89PNG')
     assert not (out / 'contact.png').exists()  # nothing was touched
