@@ -75,15 +75,6 @@ def test_a_figure_is_that_of_the_command_to_rounding(tick):
         assert recording[name] == pytest.approx(figure(tick[0]), rel=1e-12)
 
 
-def test_a_motion_longer_than_a_block_keeps_the_order_of_its_ticks(model, tick):
-    recorder = MotionRecorder(model, T)
-    for k in range(2500):
-        recorder.add(k * T, *tick)
-    recording = recorder.recording('', finished=True)
-    assert (recording['t'] == np.arange(2500) * T).all()
-    assert recording.finished
-
-
 def test_a_vector_is_found_by_its_first_column(recording):
     assert recording.vectors('q1').shape == recording.vectors('dq1').shape == (50, 7)
     for names in ('q1 q2 q3 q4 q5 q6 q7', 'dq1 dq2 dq3 dq4 dq5 dq6 dq7', 'x y z', 'x_d y_d z_d'):
