@@ -23,7 +23,6 @@ _PUBLIC = {
     'robot_model': 'RobotModel RobotState',
     'simulation.batch': 'Case Result batch',
     'simulation.closed_loop': 'run',
-    'simulation.comparison': 'Comparison compare plot',
     'simulation.recording': 'Effort Recording',
     'tasks': 'TASKS Task make_task',
 }
@@ -61,9 +60,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run this file
     from redres_ros.simulation.batch import Result as Result
     from redres_ros.simulation.batch import batch as batch
     from redres_ros.simulation.closed_loop import run as run
-    from redres_ros.simulation.comparison import Comparison as Comparison
-    from redres_ros.simulation.comparison import compare as compare
-    from redres_ros.simulation.comparison import plot as plot
     from redres_ros.simulation.recording import Effort as Effort
     from redres_ros.simulation.recording import Recording as Recording
     from redres_ros.tasks import TASKS as TASKS

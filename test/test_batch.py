@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,8 @@ import pytest
 
 from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch, run
 from redres_ros.cli import main
-from redres_ros.robots import ARMS
 from redres_ros.simulation import batch as module
-from redres_ros.simulation.random_tasks import RANDOM_TASKS, contrasting_task, make_random_task
+from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
 
 T = 0.02  # [s]
 CASES = [
@@ -65,21 +64,11 @@ def test_figures_are_those_of_a_single_run_wherever_they_are_computed(executor, 
         assert result.effort.kinetic_energy == pytest.approx(alone[case].kinetic_energy, rel=1e-9)
 
 
-@pytest.mark.parametrize('deaths', [1, 100])
-def test_a_worker_that_dies_takes_no_other_case_along(deaths, monkeypatch, tmp_path):
-    real = module._result
-
-    def dying(case: Case, *others: Any) -> Any:
-        before = len(list(tmp_path.iterdir()))
-        if case.seed == 1 and before < deaths:
-            (tmp_path / str(before)).touch()
-            os._exit(1)
-        return real(case, *others)
-
-    monkeypatch.setattr(module, '_result', dying)
-    results = {result.case.seed: result for result in batch([Case(seed=k, T=T) for k in range(3)])}
-    assert all(results[seed].finished for seed in (0, 2))
-    assert results[1].finished or ('its worker failed' in results[1].error and deaths > 1)
+def test_a_worker_that_dies_is_the_reason_of_the_cases_that_are_left(monkeypatch):
+    monkeypatch.setattr(module, '_result', lambda *_: os._exit(1))
+    results = list(batch(CASES[:2]))
+    assert len(results) == 2
+    assert all('its worker failed' in result.error for result in results)
 
 
 _PARENT = """
@@ -103,14 +92,6 @@ def test_workers_end_with_a_parent_that_is_killed():
     while worker.exists() and worker.read_text().split()[2] != 'Z' and time.monotonic() < end:
         time.sleep(0.05)
     assert not worker.exists() or worker.read_text().split()[2] == 'Z'
-
-
-def test_cases_that_a_broken_executor_does_not_take_have_that_as_their_reason():
-    def fail() -> None:
-        raise BrokenExecutor
-
-    (result,) = batch([Case(T=T)], InlineExecutor(fail))
-    assert result.error == 'its worker failed: BrokenExecutor'
 
 
 def test_a_case_that_fails_has_its_reason_and_the_others_go_on(monkeypatch):
@@ -159,20 +140,6 @@ def test_a_random_task_is_the_same_every_time_and_starts_at_its_first_point(kind
         assert (task.waypoints == make_random_task(kind, model, 'fr3', seed).waypoints).all()
         assert model.tip(task.start)[0] == pytest.approx(task.waypoints[0])
         assert ((task.start > model.q_min) & (task.start < model.q_max)).all()
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_on_a_path_searched_for_only_the_pseudoinverse_leaves_the_limits():
-    model = RobotModel.from_urdf(ARMS['fr3'].urdf, 'tool0')
-    task = contrasting_task(model, 'my_arm.urdf')
-    least_velocity, least_acceleration = (
-        Effort.of(run(Controller(model, law, 0.004), task), model)
-        for law in ('minimum_velocity', 'minimum_acceleration')
-    )
-    assert least_velocity.acceleration > 1.5 * least_acceleration.acceleration  # 4.1 times
-    assert least_velocity.violation
-    assert not least_acceleration.violation
 
 
 def test_near_singular_tasks_come_nearer_to_singularities_than_others():

@@ -2,8 +2,6 @@
 
 import gc
 import os
-import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +9,10 @@ import numpy as np
 import pytest
 
 import redres_ros
-from redres_ros import RobotModel, compare, plot
+from redres_ros import RobotModel
 from redres_ros.cli import main
 from redres_ros.controller import Controller
-from redres_ros.errors import ArrayError, FileError, RangeError, RedresError
+from redres_ros.errors import RangeError, RedresError
 from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robots import find_arm
@@ -85,24 +83,6 @@ def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said,
     assert ('times' in shown) == (peak > 2.0 and finished)
 
 
-@pytest.mark.parametrize('width', [136, 60, 40])
-def test_a_narrow_terminal_shows_every_figure_too(width, capsys, monkeypatch):
-    law = 'minimum_acceleration, k_d = 10 1/s'
-    efforts = {
-        law: Effort(1.125, 2.0625, 3.25, 4.5, 10670.0, 6.375, 7.875, '', True, 'end'),
-        'other': Effort(1.5, 2.5, 3.5, 4.75, 5.5, 6.5, 7.75, 'a1, 7.73 s', True, 'end'),
-    }
-    print_tables(*comparison_tables(efforts, 'title'))
-    words = set(capsys.readouterr().out.split())
-    monkeypatch.setenv('COLUMNS', str(width))
-    monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
-    print_tables(*comparison_tables(efforts, 'title'))
-    shown = re.sub(r'\x1b\[\d*m', '', capsys.readouterr().out)  # without bold
-    assert max(map(len, shown.splitlines())) <= width
-    figures = {word for word in words if word[0].isdigit() or word in ('other', 'title')}
-    assert figures <= set(shown.split())
-
-
 def still(ticks: int, T: float = 0.01) -> np.ndarray:
     """Rows of a recording of an arm of 7 joints that stands at zero."""
     rows = np.zeros((ticks, len(columns(7))))
@@ -162,14 +142,6 @@ def test_the_command_writes_plot_and_data(tmp_path, capsys):
     }
 
 
-@pytest.mark.slow
-def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path):
-    out = tmp_path / 'laws.pdf'
-    arguments = ['--law', 'minimum_velocity', '--period', '0.01', '--out', str(out)]
-    assert main(['compare', *arguments]) == 0
-    assert {path.name for path in tmp_path.iterdir()} == {'laws.pdf', 'laws_limits.pdf'}
-
-
 @pytest.mark.parametrize(
     ('laws', 'words'),
     [
@@ -190,53 +162,18 @@ def test_bad_laws_get_one_line(tmp_path, capsys, laws, words):
 
 # --- from Python ----------------------------------------------------------------------------------
 
-COARSE = 0.02  # [s]
-
 
 def test_every_public_name_is_there_and_completes():
-    assert {'run', 'compare', 'plot', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
+    assert {'run', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
     assert all(hasattr(redres_ros, name) for name in dir(redres_ros))
-
-
-def test_laws_are_compared_by_name_or_with_gains_of_their_own(tmp_path: Path):
-    laws = ('minimum_velocity', make_law('minimum_acceleration', damping=5.0))
-    found = compare(laws, 'side_to_side', T=COARSE)
-    assert list(found.efforts) == ['minimum_velocity', 'minimum_acceleration, k_d = 5 1/s']
-    assert 'within the limits?' in str(found)
-    assert len(plot(found).axes) == 4
-    plot(found.recordings['minimum_velocity'], tmp_path / 'motion.png')
-    assert (tmp_path / 'motion.png').stat().st_size > 10_000
-
-
-def test_limits_are_kept_if_they_are_asked_for():
-    limits = ('position', 'velocity', 'acceleration')
-    (effort,) = compare('minimum_velocity', T=COARSE, limits=limits).efforts.values()
-    assert effort.finished
-    assert effort.violation == ''
 
 
 def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow():
     model = RobotModel.from_urdf(find_arm('iiwa7').urdf, 'tool0')
     task = task_for(model.arm, 'arm.urdf')
-    (effort,) = compare(['minimum_acceleration'], task, T=COARSE, model=model).efforts.values()
+    effort = Effort.of(run(Controller(model, 'minimum_acceleration', 0.02), task), model)
     assert effort.elbow > 0.0
     assert np.isfinite(list(vars(effort).values())[:7]).all()
-
-
-def test_what_cannot_be_compared_or_drawn_is_refused(tmp_path: Path):
-    with pytest.raises(RedresError, match='fastest'):
-        compare(['fastest'], 'side_to_side')
-    with pytest.raises(ArrayError, match='laws is empty'):
-        compare([])
-    with pytest.raises(ArrayError, match='no motion to draw'):
-        plot({})
-    with pytest.raises(FileError, match='cannot read no_such.yaml'):
-        compare(['minimum_velocity'], Path('no_such.yaml'))
-    found = compare('minimum_velocity', 'planar4r_hexagon', T=0.1)
-    with pytest.raises(
-        FileError, match="cannot write .*picture.xyz: Format 'xyz' is not supported"
-    ):
-        plot(found, tmp_path / 'picture.xyz')
 
 
 # --- in parallel ----------------------------------------------------------------------------------

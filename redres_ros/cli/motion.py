@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -19,7 +18,6 @@ from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, choose_arm
 from redres_ros.simulation.batch import Case, make_controller
-from redres_ros.simulation.random_tasks import contrasting_task
 from redres_ros.tasks import TASKS
 
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
@@ -32,7 +30,6 @@ class NamedMotion(NamedTuple):
     task: WaypointTask
     model: RobotModel
     case: Case
-    is_searched: bool = False  # whether the task was searched for, as one on which laws differ
 
     @property
     def is_pose(self) -> bool:
@@ -48,11 +45,10 @@ class NamedMotion(NamedTuple):
     def title(self) -> str:
         """Task and arm in words."""
         arm = self.model.arm
-        task = 'a triangle searched for' if self.is_searched else self.name
         dynamics = f'{arm.dynamics} dynamics'
         if self.task.robot not in ARMS and arm.dynamics == 'identified':
             dynamics = 'dynamics of the URDF'
-        return f'{task or "a square before the tip"}, {self.task.robot}, {dynamics}'
+        return f'{self.name or "a square before the tip"}, {self.task.robot}, {dynamics}'
 
     def controller(self, switch_time: float = 0.0) -> Controller:
         """The controller of the case. Raises RedresError for a value that is not allowed."""
@@ -82,19 +78,6 @@ def find_motion(
     if options.robot or options.tip:
         _check_start(task, model)
     return NamedMotion(name or arm.task, task, model, find_case(options, laws))
-
-
-def find_contrast(options: argparse.Namespace, laws: Iterable[str]) -> NamedMotion:
-    """As find_motion(), but an arm without a task of its own gets a path on which laws differ.
-
-    A planner node does not: such a path is none to begin with on a robot.
-    """
-    motion = find_motion(options, laws)
-    if motion.name:
-        return motion
-    print('searching for a path on which laws differ', file=sys.stderr)
-    task = contrasting_task(motion.model, motion.task.robot)
-    return motion if task is None else motion._replace(is_searched=True, task=task)
 
 
 def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:

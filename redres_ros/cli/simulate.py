@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 _MOST_TASKS = 1_000_000
-_CLEAR = 1.5  # ratio of two peaks of acceleration that differ clearly
 
 _Laws = list[tuple[str, float | None]]  # names, and dampings [1/s]; None: that of the options
 
@@ -65,19 +64,18 @@ def add(commands: Any) -> None:
     tasks = 'compare on this many random tasks instead of one'
     kinds = 'kinds of these tasks: random (default), near_singular, long (a minute there and '
     kinds += 'back), or task files'
-    out = 'directory for plots and data; or only the plots, at the width of a column (3.5 in)'
     option(many, '--tasks', 'N', tasks, type=int, within=(1, _MOST_TASKS, ''))
     option(many, '--kind', 'KIND|FILE.yaml,...', kinds)
     loop = add_loop(compare)
-    option(loop, '--out', 'DIR|FILE.pdf|FILE.svg', out, Path('redres_compare'))
+    option(loop, '--out', 'DIR', 'directory for plots and data', Path('redres_compare'))
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from redres_ros.cli.motion import find_contrast
+    from redres_ros.cli.motion import find_motion
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peak_table, print_tables, progress_bar
 
-    motion = find_contrast(options, [options.law])
+    motion = find_motion(options, [options.law])
     task = motion.task
     if options.switching:
         task = replace(task, switching=options.switching)
@@ -137,30 +135,26 @@ def _compare_many(options: argparse.Namespace) -> int:
 
 
 def _compare_one(options: argparse.Namespace) -> int:
-    from redres_ros.cli.motion import find_contrast
+    from redres_ros.cli.motion import find_motion
     from redres_ros.simulation.batch import in_parallel
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import DRAWINGS, draw_limit_usage, draw_norms, save
+    from redres_ros.simulation.plots import draw_limit_usage, draw_norms, save
     from redres_ros.simulation.recording import Effort
     from redres_ros.simulation.report import comparison_tables, print_tables, progress_bar
 
     laws = _laws(options)
-    motion = find_contrast(options, [name for name, _ in laws])
+    motion = find_motion(options, [name for name, _ in laws])
     contenders = _contenders(motion.case, laws)
     motions = {name: motion._replace(case=case) for name, case in contenders.items()}
     for each in motions.values():
         each.controller()
     out = options.out
     files: dict[str, Path] = {}  # of the data
-    if out.suffix in DRAWINGS:
-        norms = out
-        limits = out.with_stem(f'{out.stem}_limits')
-    else:
-        norms = out / 'comparison.png'
-        limits = out / 'limits.png'
-        for name in contenders:  # such as minimum_acceleration_5.csv
-            files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
-    made(norms.parent, *(path.name for path in (norms, limits, *files.values())))
+    norms = out / 'comparison.png'
+    limits = out / 'limits.png'
+    for name in contenders:  # such as minimum_acceleration_5.csv
+        files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
+    made(out, *(path.name for path in (norms, limits, *files.values())))
 
     def compute(name: str) -> 'tuple[Recording, Effort]':
         recording = run(motions[name].controller(), motion.task, greedy=options.greedy)
@@ -177,12 +171,9 @@ def _compare_one(options: argparse.Namespace) -> int:
     save(draw_limit_usage(recordings, motion.model, options.limit_scale, title), limits)
     print_tables(*comparison_tables(efforts, title))
     print(f'plots {norms} and {limits}')
-    if files:
-        print(f'every tick in {out}/*.csv')
+    print(f'every tick in {out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
-    if motion.is_searched:
-        print(_on_searched_task([effort.acceleration for _, effort in results if effort.finished]))
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
@@ -222,13 +213,3 @@ def _contenders(case: 'Case', laws: _Laws) -> 'dict[str, Case]':
             raise OptionError(f'--law {label(law)} is named twice')
         contenders[label(law)] = replace(case, law=name, gains=gains)
     return contenders
-
-
-def _on_searched_task(peaks: list[float]) -> str:
-    """What the peaks of acceleration are worth on a path that was searched for, in a line."""
-    if peaks and max(peaks) < _CLEAR * min(peaks):
-        return (
-            f'no law differs by more than {_CLEAR:g} times from another, though a path was '
-            'searched for on which they do'
-        )
-    return 'this path was searched for; on random ones: --tasks 20 --kind random,near_singular'

@@ -7,17 +7,9 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    as_completed,
-)
-from contextlib import contextmanager
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
-from threading import get_ident
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -119,22 +111,21 @@ def batch(
     Args:
         cases: Cases, or mappings of their fields.
         executor: Any executor of concurrent.futures, such as Dask's `client.get_executor()` or
-            MPI's pool; None: one process for each processor. If one of these processes dies, each
-            case that is left runs again, in a process of its own.
+            MPI's pool; None: one process for each processor.
 
     Raises:
         RedresError: A case that no worker could run, before any of them runs.
     """
     jobs = list(_checked_jobs(cases))
-    if executor is not None:
-        yield from _results(jobs, executor)
-        return
-    again: list[_Job] = []
-    with _processes(len(jobs)) as pool:
-        yield from _results(jobs, pool, again)
-    for job in again:
-        with _processes(1) as pool:
-            yield from _results([job], pool)
+    with nullcontext(executor) if executor else _processes(len(jobs)) as pool:
+        running = {pool.submit(_work, job): job.case for job in jobs}
+        for future in as_completed(running):
+            error = future.exception()
+            if error is None:
+                yield future.result()
+            else:
+                reason = f'its worker failed: {str(error) or type(error).__name__}'
+                yield Result(running[future], error=reason)
 
 
 def in_parallel(
@@ -176,49 +167,31 @@ def make_controller(
 def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]]) -> Iterator[_Job]:
     """Jobs of cases; raises RedresError for one that cannot be run."""
     names = [each.name for each in fields(Case)]
-    checked = set()
+    checked: dict[str, tuple[Arm, WaypointTask | None]] = {}  # of cases that differ in seeds alone
     for each in cases:
         if not isinstance(each, Case):
             for name in each:
                 if name not in names:
                     raise UnknownNameError('field of a case', name, names)
         case = each if isinstance(each, Case) else Case(**each)
-        load_plugins(case.plugins)
-        arm = _find_arm(case.robot, case.tip_frame, case.elbow_frame, case.dynamics)
-        task = _find_task(case.task)
         kind = repr(replace(case, seed=0))
         if kind not in checked:
-            model = _model(arm, get_ident())
-            if task is not None:
-                task.check_joints(model.n)
-            make_controller(case, model, pose=_has_orientations(task))
-            checked.add(kind)
-        yield _Job(case, arm, task)
+            checked[kind] = _arm_and_task(case)
+        yield _Job(case, *checked[kind])
 
 
-def _results(
-    jobs: Iterable[_Job], executor: Executor, again: list[_Job] | None = None
-) -> Iterator[Result]:
-    """Results as they finish; jobs of an executor that broke go to `again`, if that is given."""
-    running = {_submitted(job, executor): job for job in jobs}
-    for future in as_completed(running):
-        job = running[future]
-        error = future.exception()
-        if error is None:
-            yield future.result()
-        elif again is not None and isinstance(error, BrokenExecutor):
-            again.append(job)
-        else:
-            yield Result(job.case, error=f'its worker failed: {str(error) or type(error).__name__}')
-
-
-def _submitted(job: _Job, executor: Executor) -> Future[Result]:
-    try:
-        return executor.submit(_work, job)
-    except BrokenExecutor as error:
-        failed: Future[Result] = Future()
-        failed.set_exception(error)
-        return failed
+def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
+    """The arm with the text of its URDF, and a task that is not random. Raises RedresError."""
+    load_plugins(case.plugins)
+    arm = choose_arm(case.robot, case.tip_frame, case.elbow_frame)
+    arm = replace(arm, dynamics=case.dynamics).with_text()
+    model = RobotModel(arm)
+    task = None
+    if case.task not in RANDOM_TASKS:
+        task = load_task(case.task)
+        task.check_joints(model.n)
+    make_controller(case, model, pose=task is not None and task.orientations is not None)
+    return arm, task
 
 
 def _work(job: _Job) -> Result:
@@ -226,9 +199,9 @@ def _work(job: _Job) -> Result:
     case, arm, task = job
     load_plugins(case.plugins)
     try:
-        model = _model(arm, get_ident())
+        model = RobotModel(arm)
         task = task or make_random_task(case.task, model, case.robot, case.seed)
-        controller = make_controller(case, model, pose=_has_orientations(task))
+        controller = make_controller(case, model, pose=task.orientations is not None)
         return _result(case, run(controller, task, greedy=False), model, task)
     except RedresError as error:
         return Result(case, error=str(error))
@@ -251,47 +224,20 @@ def _result(case: Case, recording: Recording, model: RobotModel, task: WaypointT
     )
 
 
-@cache
-def _find_arm(robot: str, tip: str, elbow: str, dynamics: str) -> Arm:
-    """The arm with the text of its URDF."""
-    return replace(choose_arm(robot, tip, elbow), dynamics=dynamics).with_text()
-
-
-@cache
-def _model(arm: Arm, thread: int) -> RobotModel:
-    """The model of an arm in a thread: two threads must not compute with the same one."""
-    return RobotModel(arm)
-
-
-@cache
-def _find_task(name: str) -> WaypointTask | None:
-    return None if name in RANDOM_TASKS else load_task(name)
-
-
-def _has_orientations(task: WaypointTask | None) -> bool:
-    return task is not None and task.orientations is not None
-
-
 # --- processes ------------------------------------------------------------------------------------
 
 
 @contextmanager
 def _processes(most: int, shared: Any = None) -> Iterator[Executor]:
-    """At most so many worker processes, one for each processor, which are killed if the block ends
-    by an exception, Ctrl-C included. What is shared goes to them with the copy of this process.
-    """
+    """At most so many worker processes, one for each processor; `shared` is copied to them."""
     workers = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context('fork')  # a copy has everything loaded already
-    others = set(multiprocessing.active_children())
     gc.freeze()  # copies must not destroy objects of this process, such as ROS nodes
     with ProcessPoolExecutor(workers, context, _begin, (shared,)) as pool:
         try:
             yield pool
-        except BaseException:  # nobody waits for the other results any more
-            for process in set(multiprocessing.active_children()) - others:
-                process.kill()
-            raise
         finally:
+            pool.shutdown(cancel_futures=True)  # if nobody waits for the other results any more
             gc.unfreeze()
 
 

@@ -9,11 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 
 from redres_ros.files.text import writing
@@ -21,7 +18,6 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour, line_styles
 from redres_ros.simulation.recording import Recording, limit_usage
-from redres_ros.types import Points
 
 NORMS = {
     'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
@@ -29,13 +25,6 @@ NORMS = {
     'null_velocity_norm': r'null-space part $\Vert P\dot q\Vert$ [rad/s]',
     'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
 }
-
-DRAWINGS = ('.pdf', '.svg')  # written at the width of a column
-COLUMN = 3.5  # [in] of a page in two columns
-_COLUMN_RATIO = 1.6  # such a figure is so many times as high for its width
-_COLUMN_TEXT = 7.0  # [pt]
-_COLUMN_LINE = 0.7  # of the line width
-_COLUMN_LETTERS = 64  # of a line of the title
 
 _MARGIN = 0.015  # of a time axis, so that a step at either end is seen
 _BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is labelled
@@ -55,40 +44,11 @@ _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _MOST_POINTS = 2000  # of a curve
 
-_LABEL_DISTANCE = 0.07  # [m] from a point to its label, away from the middle of all points
-_ARROWS = np.array((0.15, 0.5, 0.85))  # of the length of the path
-_ARROW = 0.08  # [m]
-_LARGEST_ARROW = 0.05  # of the length of the path
-_THINNEST = 0.35  # of the longest axis that each axis is shown with
-_ZOOM = 0.85  # leaves space for the labels of the axes
-
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a picture for the screen, or as a .pdf or .svg as wide as a column of a
-    paper. Its folder is made if it does not exist. Raises FileError.
-    """
-    if path.suffix in DRAWINGS:
-        _fit_column(figure)
-    # 42: TrueType, as publishers ask for. A ValueError says that no picture ends like that.
-    with writing(path), rc_context({'pdf.fonttype': 42}):
+    """Write a figure; its folder is made if it does not exist. Raises FileError."""
+    with writing(path):  # a ValueError says that no picture ends like that
         figure.savefig(path, dpi=130)
-
-
-def _fit_column(figure: Figure) -> None:
-    """Give a figure the width of a column, and texts and lines that suit it."""
-    width, height = figure.get_size_inches()
-    figure.set_size_inches(COLUMN, min(height, _COLUMN_RATIO * COLUMN * height / width))
-    for line in figure.findobj(Line2D):
-        line.set_linewidth(_COLUMN_LINE * line.get_linewidth())
-    for ax in figure.axes:
-        ax.tick_params(labelsize=_COLUMN_TEXT)
-        quantity = ax.get_ylabel()
-        if '\n' not in quantity:
-            ax.set_ylabel(quantity.replace(' [', '\n['))
-        ax.set_title(textwrap.fill(ax.get_title(), _COLUMN_LETTERS))
-    for text in figure.findobj(Text):
-        text.set_fontsize(_COLUMN_TEXT)
-    figure.align_ylabels()
 
 
 def time_panels(
@@ -217,14 +177,12 @@ def draw_motion(
         draw_norm(ax, norm, recording, remarks)
         for number, (t, _, _) in enumerate(remarks.switches, 1):
             ax.axvline(t, color='tab:green', ls='--', lw=1.0)
-            _label_line(ax, t, 1.01, str(number), ha='center')
+            across = ax.get_xaxis_transform()
+            ax.text(t, 1.01, str(number), color='tab:green', transform=across, ha='center')
         if reason:
             ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
     if recording.pose:
         _draw_errors(panels[-1], recording)
-    for t, before, after in remarks.switches:
-        _label_line(panels[-1], t, 0.97, f'{before} ', ha='right', rotation=90, va='top')
-        _label_line(panels[-1], t, 0.97, f' {after}', ha='left', rotation=90, va='top')
     legend_below(panels[-1], panels[0], ncols=4, fontsize='small')
     save(figure, path)
 
@@ -274,16 +232,17 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> No
         name = 'this run' if start < 0.0 else f'_{law}'  # an underscore: not in the legend
         ax.plot(t, shown, color=law_colour(law), lw=1.2, label=name)
     ax.set_ylabel(NORMS[norm], fontsize='small')
-    top = _largest(recording, norm)
+    top = recording.peak(norm)[0]
     if remarks.stopped:
         earlier = recording[norm][recording['t'] < recording['t'][-1] - _BEFORE_STOP]
         top = min(top, 2.0 * float(earlier.max())) if len(earlier) else top
-    if top < _LEAST_SCALE:
-        top = max([_LEAST_SCALE, *(_largest(other, norm) for other in beside.values())])
-    top *= _HEADROOM
+    top = _HEADROOM * max(top, _LEAST_SCALE)
     ax.set_ylim(0.0, top)
     for other in (recording, *beside.values()):
-        _label_hidden_peak(ax, other, norm, top)
+        peak, at = other.peak(norm)
+        if peak > top:
+            across = ax.get_xaxis_transform()
+            ax.text(at, 0.96, f'up to {peak:.3g} ', transform=across, ha='right', va='top')
 
 
 def _draw_errors(ax: Axes, recording: Recording) -> None:
@@ -299,36 +258,6 @@ def _draw_errors(ax: Axes, recording: Recording) -> None:
     ax.legend(fontsize='x-small', loc='upper right')
 
 
-def _label_line(ax: Axes, t: float, height: float, text: str, **style: Any) -> None:
-    """A text at a time [s] and a height, from 0 at the bottom to 1 at the top."""
-    across = ax.get_xaxis_transform()
-    ax.text(t, height, text, color='tab:green', transform=across, fontsize='small', **style)
-
-
-def _label_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
-    """Label the peak of a curve where it leaves the picture."""
-    beyond = other['t'][other[norm] > top]
-    if not len(beyond):
-        return
-    peak, t = other.peak(norm)
-    is_early = beyond[0] < 0.3 * other['t'][-1]
-    ax.text(
-        beyond[-1] if is_early else beyond[0],
-        0.96,
-        f'  up to {peak:.3g} at {t:.2f} s  ',
-        ha='left' if is_early else 'right',
-        transform=ax.get_xaxis_transform(),
-        color='0.4',
-        fontsize='small',
-        va='top',
-        clip_on=True,
-    ).set_in_layout(False)
-
-
-def _largest(recording: Recording, norm: str) -> float:
-    return recording.peak(norm)[0] if len(recording.data) else 0.0
-
-
 def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
     """Times and values, with a NaN wherever nothing was recorded for a while."""
     t = recording['t']
@@ -341,56 +270,23 @@ def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
 
 def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
     """The path of the tip in black and of the elbow in blue, with the task's points in red, in
-    three dimensions.
-
-    The start is a filled circle, and arrows point where the motion goes.
+    three dimensions. The start is a filled circle.
     """
-    if len(recording.data):
-        postures = recording.vectors('q1')[::10]
-        elbow = np.array([model.position(q, model.arm.elbow_frame) for q in postures])
-        for name, path, color in (
-            ('tip', recording.vectors('x'), 'black'),
-            ('elbow', elbow, 'tab:blue'),
-        ):
-            ax.plot(*path.T, color=color, label=name)
-            _draw_arrows(ax, path, color)
-            ax.plot(*path[:1].T, 'o', color=color, ms=7)
-    points = task.waypoints
-    ax.plot(*points.T, 's', color='tab:red', ms=4, label='points of the task')
-    outwards = points - points.mean(axis=0)  # (N, 3)
-    lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _LABEL_DISTANCE)
-    names: dict[int, list[str]] = {}  # by the first of the points that are in one place
-    for number, point in enumerate(points):
-        first = int(np.argmin(np.linalg.norm(points - point, axis=1)))
-        names.setdefault(first, []).append(f'$x_{number}$')
-    for first, together in names.items():
-        place = points[first] + _LABEL_DISTANCE * outwards[first] / lengths[first]
-        ax.text(*place, ', '.join(together), color='tab:red', ha='center', va='center')
+    postures = recording.vectors('q1')[::10]
+    elbow = np.array([model.position(q, model.arm.elbow_frame) for q in postures])
+    tip = recording.vectors('x')
+    for name, path, color in (('tip', tip, 'black'), ('elbow', elbow, 'tab:blue')):
+        ax.plot(*path.T, color=color, label=name)
+        ax.plot(*path[:1].T, 'o', color=color, ms=7)
+    ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
+    places, place_of = np.unique(task.waypoints.round(6), axis=0, return_inverse=True)
+    for number, place in enumerate(places):
+        names = [f'$x_{point}$' for point in np.flatnonzero(place_of.ravel() == number)]
+        ax.text(*place, f'  {", ".join(names)}', color='tab:red')
     ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='paths of tip and elbow')
-    _scale_alike(ax)
+    lengths = np.ptp((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()), axis=1)  # of the axes [m]
+    ax.set_box_aspect(lengths, zoom=0.85)  # leaves space for the labels of the axes
     ax.view_init(elev=18.0, azim=-35.0)
-    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize='small')
-
-
-def _draw_arrows(ax: Any, path: Points, color: str) -> None:
-    """Arrow heads along a path."""
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
-    size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
-    at = np.searchsorted(lengths, _ARROWS * lengths[-1])
-    ahead = np.minimum(np.searchsorted(lengths, lengths[at] + size / 4.0), len(path) - 1)
-    style = {'color': color, 'arrow_length_ratio': 0.6, 'lw': 1.5}
-    ax.quiver(*path[at].T, *(path[ahead] - path[at]).T, length=size, normalize=True, **style)
-
-
-def _scale_alike(ax: Any) -> None:
-    """Make a metre equally long on every axis."""
-    limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
-    spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
-    middles = limits.mean(axis=1)
-    x, y, z = np.column_stack((middles - spans / 2.0, middles + spans / 2.0))
-    ax.set(xlim=x, ylim=y, zlim=z)
-    ax.set_box_aspect(spans, zoom=_ZOOM)
-    ax.zaxis.labelpad = 8.0
     ax.locator_params(nbins=4)
     ax.tick_params(labelsize='small')
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize='small')

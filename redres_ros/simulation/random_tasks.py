@@ -1,17 +1,12 @@
-"""Random tasks of one arm, by kind, and one on which laws differ. The same arm, kind and seed give
-the same task.
-"""
+"""Random tasks of one arm, by kind. The same arm, kind and seed give the same task."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.recording import Effort
 from redres_ros.types import JointPositions, Points, Seconds
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
@@ -30,18 +25,6 @@ _STEPS = 60  # of a descent
 _STEP_LENGTH = 0.05  # [rad]
 _AWAY = 0.8  # [rad] from one posture to where the descent to the next one begins
 
-# The search for a path on which laws differ: some seconds of a processor, and no clock decides
-_COMPARED = ('minimum_velocity', 'minimum_acceleration')
-_CORNERS = 3
-_TRIANGLES = 48  # of random ones, to begin with
-_ROUNDS = 5
-_PARENTS = 4  # of a round, the best so far
-_CHILDREN = 6  # of each
-_CHANGE = 0.1  # [rad] standard deviation of a child's corners from its parent's
-_SIDE = 3.0  # [s]
-_COARSE = 0.03  # [s] sampling time of the search
-_DIFFERENT = 3.0  # ratio of the peaks of acceleration at which it ends
-
 
 def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> WaypointTask:
     """A random task of a kind in RANDOM_TASKS for an arm and its name. Raises UnknownNameError."""
@@ -49,51 +32,6 @@ def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> Way
         raise UnknownNameError('kind of task', kind, RANDOM_TASKS)
     start, points, segment_time = RANDOM_TASKS[kind](model, np.random.default_rng(seed))
     return WaypointTask(robot, start, points, segment_time=segment_time)
-
-
-def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
-    """A triangle on which minimum_velocity accelerates much more than minimum_acceleration, which
-    stays within the limits.
-
-    Such paths pass near a singularity in motion and are rare: of random ones less than one in a
-    hundred. So the best of some random triangles are changed again and again. None if the arm
-    leaves its limits on all of them.
-    """
-    random = np.random.default_rng(0)
-    postures = [_random_posture(model, random) for _ in range(_TRIANGLES * _CORNERS)]
-    triangles = list(np.reshape(postures, (_TRIANGLES, _CORNERS, model.n)))
-    best: list[tuple[float, np.ndarray]] = []
-    for _ in range(_ROUNDS):
-        best += [(_contrast(model, _triangle(model, robot, each)), each) for each in triangles]
-        best = sorted(best, key=lambda found: -found[0])[:_PARENTS]
-        if best[0][0] > _DIFFERENT:
-            break
-        triangles = [
-            _inside(model, corners + random.normal(0.0, _CHANGE, corners.shape))
-            for _, corners in best
-            for _ in range(_CHILDREN)
-        ]
-    contrast, corners = best[0]
-    return _triangle(model, robot, corners) if contrast else None
-
-
-def _triangle(model: RobotModel, robot: str, corners: np.ndarray) -> WaypointTask:
-    """Through the tip's positions in three postures, (3, n) [rad], and back to the first."""
-    points = _positions(model, [*corners, corners[0]])
-    return WaypointTask(robot, corners[0], points, segment_time=_SIDE)
-
-
-def _contrast(model: RobotModel, task: WaypointTask) -> float:
-    """Ratio of the peaks of acceleration; 0 if a law does not finish, or the second one leaves
-    the limits.
-    """
-    peaks: list[float] = []
-    for law in _COMPARED[::-1]:  # the one that may fail comes first: then the other is not run
-        effort = Effort.of(run(Controller(model, law, _COARSE), task), model)
-        if not effort.finished or (effort.violation and not peaks):
-            return 0.0
-        peaks.append(effort.acceleration)
-    return peaks[1] / peaks[0] if peaks[0] else 0.0
 
 
 # --- kinds ----------------------------------------------------------------------------------------

@@ -4,15 +4,13 @@ motions.
 
 import math
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
-from rich.console import Console, Group
-from rich.measure import Measurement
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from redres_ros.simulation.batch import Result
 
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
-_DRAWN_EVERY = 0.1  # [s]
 
 _ALIKE = 1.05  # ratio of two peaks of acceleration that hardly differ
 _BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
@@ -88,24 +85,11 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
 
 
 def print_tables(*tables: Table) -> None:
-    """Print tables, as wide as the terminal is, or as wide as they need to be without one.
-
-    In a narrow terminal each row becomes a table of its own, before a figure is cut off.
-    """
+    """Print tables, as wide as the terminal is, or as wide as they need to be without one."""
     is_terminal = sys.stdout is not None and sys.stdout.isatty()  # it is None if it was closed
     console = Console(width=None if is_terminal else _WIDE)
     for each in tables:
-        least = Measurement.get(console, console.options.update(width=_WIDE), each).minimum
-        console.print(_by_row(each) if each.show_header and least > console.width else each)
-
-
-def _by_row(wide: Table) -> Group:
-    """The cells of a table, a table for each row."""
-    head, *heads = (str(column.header) for column in wide.columns)
-    parts = []
-    for name, *figures in zip(*(map(str, column.cells) for column in wide.columns), strict=True):
-        parts.append(table([head, name], zip(heads, figures, strict=True)))
-    return Group(wide.title or '', *parts, wide.caption or '')
+        console.print(each)
 
 
 @contextmanager
@@ -128,17 +112,8 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         auto_refresh=False,
     )
     task = bar.add_task(label, total=1.0)
-    drawn_at = -math.inf
-
-    def update(fraction: float) -> None:
-        nonlocal drawn_at
-        now = time.monotonic()
-        if now - drawn_at >= _DRAWN_EVERY or fraction >= 1.0:
-            drawn_at = now
-            bar.update(task, completed=fraction, refresh=True)
-
     with bar:
-        yield update
+        yield lambda fraction: bar.update(task, completed=fraction, refresh=True)
 
 
 # --- motions --------------------------------------------------------------------------------------
