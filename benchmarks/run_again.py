@@ -1,31 +1,26 @@
-"""Tasks that are run again: every arm's own task, ten times with every law, and how far a closed
-path leaves the joints from where they began.
+"""Tasks that are run again: every arm's own task, ten times with every law.
 
-    python benchmarks/run_again.py runs [--robot NAME] [--law NAME]
-    python benchmarks/run_again.py drift
+    python benchmarks/run_again.py [--robot NAME] [--law NAME]
 
-`runs` has no nodes: what the planner's executor asks for goes to the controller's loop, and an
-ideal arm follows. In the third run another law takes over, in the fifth the first one comes back,
-and in the seventh the arm is held for a second. Exit status 1 if a task does not finish. `drift`
-drives the closed paths of all arms in the paper's ideal loop.
+There are no nodes: what the planner's executor asks for goes to the controller's loop, and an ideal
+arm follows. In the third run another law takes over, in the fifth the first one comes back, and in
+the seventh the arm is held for a second. Exit status 1 if a task does not finish.
 """
 
 import argparse
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, run
+from redres_ros import LAWS, Controller, RobotModel, load_task
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.planning.goals import Goals, GoalSettings
 from redres_ros.planning.task_executor import UNDER_WAY, TaskExecutor, TaskState
-from redres_ros.preferences import Posture
 from redres_ros.robots import ARMS
-from redres_ros.tasks import Configuration
 
 T = 0.002  # [s]
 LIMITS = ('position', 'velocity', 'acceleration')
@@ -147,30 +142,6 @@ def run_again(robot: str, law: str) -> Outcome:
     )
 
 
-def closed_path(robot: str) -> WaypointTask:
-    """The arm's own task, and back along the same points if it ends elsewhere."""
-    task = load_task(ARMS[robot].task)
-    ends = task.waypoints[0], task.waypoints[-1]
-    if np.allclose(*ends, atol=1e-9):
-        return task
-    return replace(task, waypoints=np.vstack((task.waypoints, task.waypoints[-2::-1])))
-
-
-def drift(robot: str, law: str, **settings: object) -> float:
-    """Distance of the joint farthest from its start after a closed path [rad]; NaN: it never ends.
-
-    Args:
-        robot: A name in ARMS.
-        law: A name in LAWS.
-        settings: Of the controller.
-    """
-    task = closed_path(robot)
-    recording = run(Controller(RobotModel.named(robot), law, T, **settings), task)
-    if not recording.finished:
-        return float('nan')
-    return float(np.abs(recording.vectors('q1')[-1] - task.start).max())
-
-
 def print_runs(robots: list[str], laws: list[str]) -> bool:
     """Print a table of all pairs; whether all finished."""
     print('| arm | law | finished | a run takes [s] | farthest joint at its end [rad] |')
@@ -190,46 +161,12 @@ def print_runs(robots: list[str], laws: list[str]) -> bool:
     return well
 
 
-def print_drift() -> None:
-    """Print a table of closed paths: with limits and what closes them, then for every arm."""
-    preference = Posture(gain=25.0)
-    columns: dict[str, dict[str, object]] = {
-        'no limits': {},
-        'limits': {'limits': LIMITS},
-        'limits, `posture=25`': {'limits': LIMITS, 'preferences': (preference,)},
-        'limits, `configuration`': {'limits': LIMITS, 'secondary_tasks': (Configuration(),)},
-    }
-    print(f'| law | {" | ".join(columns)} |')
-    print('|---' * (len(columns) + 1) + '|', flush=True)
-    for law, cls in LAWS.items():
-        cells = []
-        for settings in columns.values():
-            takes_none = 'preferences' in settings and not cls.has_memory
-            figure = 'takes no preference' if takes_none else _figure('lwr4_paper', law, settings)
-            cells.append(figure)
-        print(f'| `{law}` | {" | ".join(cells)} |', flush=True)
-    print(f'\n| law | {" | ".join(f"`{robot}`" for robot in ARMS)} |')
-    print('|---' * (len(ARMS) + 1) + '|', flush=True)
-    for law in LAWS:
-        cells = [_figure(robot, law, columns['limits']) for robot in ARMS]
-        print(f'| `{law}` | {" | ".join(cells)} |', flush=True)
-
-
-def _figure(robot: str, law: str, settings: dict[str, object]) -> str:
-    distance = drift(robot, law, **settings)
-    return 'does not end' if np.isnan(distance) else f'{distance:.2f}'
-
-
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Console entry point."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('what', choices=('runs', 'drift'))
     parser.add_argument('--robot', choices=ARMS, action='append', help='again for a further one')
     parser.add_argument('--law', choices=LAWS, action='append', help='again for a further one')
-    given = parser.parse_args(arguments)
-    if given.what == 'drift':
-        print_drift()
-        return 0
+    given = parser.parse_args()
     return 0 if print_runs(given.robot or list(ARMS), given.law or list(LAWS)) else 1
 
 

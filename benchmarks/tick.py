@@ -1,6 +1,6 @@
 """One tick of every law beside other libraries and Pinocchio's own calls: the paper's arm and task.
 
-    python benchmarks/tick.py [--rounds N] [--csv FILE]
+    python benchmarks/tick.py [--rounds N]
 
 All are called in turn, in blocks whose order changes, so that a slow moment of the machine affects
 all alike. Prints a table for docs/real_time.md: without limits, with limits that are idle, and with
@@ -12,7 +12,6 @@ import gc
 import random
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 from peers import Peer, Setting, Target, installed, pinocchio_calls
@@ -35,7 +34,6 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--rounds', type=int, default=300, help='blocks of each; default 300')
-    parser.add_argument('--csv', type=Path, help='file for all times [s], a column each')
     options = parser.parse_args()
     model = RobotModel.named('lwr4_paper')
     rows = list(recorded(model))
@@ -52,10 +50,6 @@ def main() -> None:
             f'| {group} | {name} | {1e6 * median:.1f} µs | {1e6 * np.quantile(each, 0.99):.0f} µs '
             f'| {ratio} | {median / floor:.1f} |'
         )
-    if options.csv:
-        header = ','.join(f'"{group}: {name}"' for group, name in times)
-        table = np.column_stack(list(times.values()))
-        np.savetxt(options.csv, table, delimiter=',', header=header, comments='')
 
 
 def recorded(model: RobotModel) -> Iterator[tuple[np.ndarray, np.ndarray, Target]]:
