@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from graph_helpers import PATIENCE, await_that, nodes
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import MODE, REASON, SESSION
 from redres_ros.preflight.snapshot import (
-    ACTIVITY,
     COMMANDS,
     FORWARD,
     STATES,
@@ -55,19 +53,19 @@ def states(
     positions: Callable[[int], Any] = lambda k: ARM.start,
     stamp: Callable[[int], int] = lambda k: BEGIN + k * T,
     names: tuple[str, ...] = NAMES,
-) -> tuple[StateSeen, ...]:
+) -> list[StateSeen]:
     """A hundred states, the k-th of which is as the functions of k say."""
-    return tuple(
+    return [
         StateSeen(stamp(k), BEGIN + k * T, dict(zip(names, positions(k), strict=False)))
         for k in range(100)
-    )
+    ]
 
 
 GOOD = GraphSnapshot(
     states=states(),
-    publishers={STATES: ('/robot',), COMMANDS: ('/controller',), TWISTS: ('/planner',)},
-    subscribers={COMMANDS: ('/robot',)},
-    twist_frames=frozenset({'', 'world', 'link_7'}),
+    publishers={STATES: ['/robot'], COMMANDS: ['/controller'], TWISTS: ['/planner']},
+    subscribers={COMMANDS: ['/robot']},
+    twist_frames={'', 'world', 'link_7'},
     controller=CONTROLLER,
     controllers=1,
 )
@@ -100,10 +98,10 @@ def test_a_margin_makes_up_for_a_range_that_is_published_narrower() -> None:
 BEHIND = replace(
     GOOD,
     controller=parameters_with(robot_interface='ros2_control'),
-    subscribers={FORWARD: ('/forward_position_controller',)},
-    publishers={STATES: ('/robot',), FORWARD: ('/controller',), TWISTS: ('/planner',)},
-    forward_joints=NAMES,
-    forward_states=frozenset({'active'}),
+    subscribers={FORWARD: ['/forward_position_controller']},
+    publishers={STATES: ['/robot'], FORWARD: ['/controller'], TWISTS: ['/planner']},
+    forward_joints=[*NAMES],
+    forward_states={'manager': 'active'},
     words={MODE: 'holding'},
 )
 JITTER = np.random.default_rng(0).uniform(-0.4, 0.4, 100) * T
@@ -126,9 +124,8 @@ def controlled(**changed: Any) -> GraphSnapshot:
     return replace(GOOD, controller=parameters_with(**changed))
 
 
-WITH_RIVAL = {**GOOD.publishers, FORWARD: ('/gui',)}
-WITH_TWO_SOURCES = {**GOOD.publishers, TWISTS: ('/planner', '/view')}
-WITH_ACTIVITY = {**BEHIND.publishers, ACTIVITY: ('/controller_manager',)}
+WITH_RIVAL = {**GOOD.publishers, FORWARD: ['/gui']}
+WITH_TWO_SOURCES = {**GOOD.publishers, TWISTS: ['/planner', '/view']}
 
 
 def moving(k: int) -> np.ndarray:
@@ -140,8 +137,8 @@ def late_in_ten(k: int) -> int:
 
 
 FAULTS = [  # what is seen, subject of the fault, words in it
-    (good(publishers={}, states=()), 'states', 'joint_states has no publisher'),
-    (good(states=()), 'states', 'none came'),
+    (good(publishers={}, states=[]), 'states', 'joint_states has no publisher'),
+    (good(states=[]), 'states', 'none came'),
     (controlled(rate=100.0), 'rate', '500 states a second; expected 100'),
     (good(states=states(stamp=lambda k: 0)), 'stamps', 'without a stamp'),
     (good(states=states(stamp=late_in_ten)), 'jitter', '% of a period'),
@@ -152,16 +149,16 @@ FAULTS = [  # what is seen, subject of the fault, words in it
     (good(description=NARROW), 'limits', 'robot_description allows -2.967 to 1.500'),
     (controlled(robot='r2d2'), 'arm', "'r2d2'"),
     (controlled(robot='topic'), 'arm', 'robot_description, which has no publisher'),
-    (good(twist_frames=frozenset({'camera'})), 'frames', "unknown frame 'camera'"),
+    (good(twist_frames={'camera'}), 'frames', "unknown frame 'camera'"),
     (good(controller=None, controllers=0), 'controller', 'start redres_controller'),
     (good(controllers=2), 'controller', 'there are 2'),
     (controlled(limits=['position']), 'controller', 'velocity, acceleration are not in force'),
     (good(subscribers={}), 'commands', 'needs robot_interface'),
     (controlled(robot_interface='ros2_control'), 'commands', f'{FORWARD} has no subscriber'),
     (good(publishers=WITH_RIVAL), 'commands', f'/gui publishes {FORWARD} too'),
-    (behind(forward_states=frozenset({'inactive'})), 'forwarding', 'inactive: ros2 control'),
-    (behind(forward_states=frozenset(), words={MODE: 'mirroring'}), 'forwarding', 'no commands'),
-    (good(forward_joints=NAMES[::-1]), 'order', f'has the joints {NAMES[6]}'),
+    (behind(forward_states={'manager': 'inactive'}), 'forwarding', 'inactive: ros2 control'),
+    (behind(forward_states={}, words={MODE: 'mirroring'}), 'forwarding', 'no commands'),
+    (good(forward_joints=[*NAMES[::-1]]), 'order', f'has the joints {NAMES[6]}'),
     (good(words={REASON: 'protective stop'}), 'session', 'stopped: protective stop'),
 ]
 
@@ -180,12 +177,7 @@ NOTES = [
     (controlled(limit_scale=1.0), 'controller', 'limit_scale is 1'),
     (good(publishers=WITH_TWO_SOURCES), 'task', '/planner, /view publish'),
     (good(words={SESSION: 'MON'}), 'session', 'takes no commands yet: MON'),
-    (behind(forward_states=frozenset()), 'forwarding', 'no controller_manager reports'),
-    (
-        behind(forward_states=frozenset(), publishers=WITH_ACTIVITY),
-        'forwarding',
-        'Install controller_manager_msgs',
-    ),
+    (behind(forward_states={}), 'forwarding', 'no controller_manager reports'),
     (
         behind(hardware={'arm': 'active', 'FrankaHardwareInterface': 'unconfigured'}),
         'hardware',
@@ -224,7 +216,7 @@ def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> No
 
 
 def test_ros2_controls_own_states_are_judged_before_a_controller_of_ours_runs() -> None:
-    seen = replace(BEHIND, controller=None, controllers=0, forward_states=frozenset({'inactive'}))
+    seen = replace(BEHIND, controller=None, controllers=0, forward_states={'manager': 'inactive'})
     assert beyond('forwarding', seen, ExpectedArm('lwr4')).level is Level.FAULT
 
 
@@ -271,38 +263,22 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
         timer.set()
         thread.join()
         manager.destroy_node()
-    assert seen.forward_states == {'inactive'}
+    assert set(seen.forward_states.values()) == {'inactive'}
     assert seen.hardware == {'arm': 'active'}
 
 
 @pytest.mark.slow
-def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnostics() -> None:
-    """The message's own type is not on any package index: an object of its form takes its place."""
-
-    def named(name: str, label: str) -> SimpleNamespace:
-        return SimpleNamespace(name=name, state=SimpleNamespace(label=label))
-
-    message = SimpleNamespace(
-        controllers=[named('forward_position_controller', 'inactive')],
-        hardware_components=[named('arm', 'unconfigured')],
-    )
-    with own_domain(), spun(SnapshotNode) as observer:
-        observer._forward_states = {'of another arm': 'active'}
-        observer._take_activity(message)
-    assert set(observer._forward_states.values()) == {'inactive'}
-    assert observer._hardware == {'arm': 'unconfigured'}
-
-
-@pytest.mark.slow
 def test_a_graph_passes_when_the_controller_runs_and_not_before(tmp_path: Path) -> None:
-    # The sim waits for late commands, so that a busy machine does not matter.
     sim = {'rate': RATE, 'patience': PATIENCE}
     parameters = {'sim': sim, 'controller': {'rate': RATE, 'limit_scale': 0.2}}
     with nodes(tmp_path, **parameters) as (probe, processes):
         # The listener is on both topics, too.
         await_that(lambda: probe.count_subscribers('joint_command') > 1, 'the robot')
         await_that(lambda: probe.count_publishers('joint_command') > 0, 'the controller')
-        passed = check('--duration', '2')
+        for duration in ('2', '4', '8', '16'):  # on a busy machine nodes are found late
+            passed = check('--duration', duration)
+            if passed.returncode == 0:
+                break
         processes['controller'].end()
         failed = check('--robot', 'lwr4_paper', '--rate', f'{RATE:g}', '--duration', '2')
     assert passed.returncode == 0, passed.stdout + passed.stderr

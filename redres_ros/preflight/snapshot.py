@@ -25,7 +25,6 @@ TWISTS = 'cartesian_velocity'
 COMMANDS = 'joint_command'
 FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
-ACTIVITY = 'controller_manager/activity'
 
 _FORWARDING = 'forward_position_controller'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
@@ -53,36 +52,21 @@ class StateSeen(NamedTuple):
     positions: Mapping[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass
 class GraphSnapshot:
-    """What was observed of a graph.
+    """What was observed of a graph; nodes by their full names."""
 
-    Attributes:
-        states: In the order of arrival.
-        publishers: Full names of the nodes that publish on a topic, by topic.
-        subscribers: The same of subscribers.
-        twist_frames: Frames of the task velocities that came.
-        words: Newest session state, stop reason and mode, by topic.
-        description: The URDF on robot_description; empty: none came.
-        controller: Parameters of the controller by name; None: there is no controller.
-        controllers: How many nodes have its name.
-        forward_joints: In the order of the forward_position_controller; empty: not known.
-        forward_states: States of its life cycle, as controller_managers report them; none: not
-            known.
-        hardware: States of ros2_control's hardware components by their names.
-    """
-
-    states: tuple[StateSeen, ...] = ()
-    publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    subscribers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    twist_frames: frozenset[str] = frozenset()
-    words: Mapping[str, str] = field(default_factory=dict)
-    description: str = ''
-    controller: Mapping[str, Any] | None = None
-    controllers: int = 0
-    forward_joints: tuple[str, ...] = ()
-    forward_states: frozenset[str] = frozenset()
-    hardware: Mapping[str, str] = field(default_factory=dict)
+    states: list[StateSeen] = field(default_factory=list)  # in the order of arrival
+    publishers: dict[str, list[str]] = field(default_factory=dict)  # nodes by topic
+    subscribers: dict[str, list[str]] = field(default_factory=dict)  # nodes by topic
+    twist_frames: set[str] = field(default_factory=set)  # of the task velocities that came
+    words: dict[str, str] = field(default_factory=dict)  # session state, stop reason, mode by topic
+    description: str = ''  # the URDF on robot_description; empty: none came
+    controller: dict[str, Any] | None = None  # its parameters; None: there is no controller
+    controllers: int = 0  # nodes of its name
+    forward_joints: list[str] = field(default_factory=list)  # of the forward_position_controller
+    forward_states: dict[str, str] = field(default_factory=dict)  # its state by controller_manager
+    hardware: dict[str, str] = field(default_factory=dict)  # states by ros2_control's component
 
 
 class SnapshotNode(GraphMonitor):
@@ -91,44 +75,29 @@ class SnapshotNode(GraphMonitor):
     def __init__(self, namespace: str = '', states: str = STATES) -> None:
         super().__init__('redres_check', namespace)
         self._states_topic = states
-        self._states: list[StateSeen] = []
-        self._frames: set[str] = set()
-        self._description = ''
-        self._forward_states: dict[str, str] = {}  # by controller_manager
-        self._hardware: dict[str, str] = {}  # by component
-        self._activity_type = _find_activity_type()
         self.samples.add(states, JointState, _MANY)
         self.samples.add(TWISTS, TwistStamped, _MANY)
         self.samples.add(DESCRIPTION, String, LATCHED)
         self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
-        if self._activity_type is not None:
-            self.samples.add(ACTIVITY, self._activity_type, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
         """A snapshot over that time [s], longer while states or a controller are missing; the node
         must be spun elsewhere.
         """
-        self._collect(seconds)
-        if not (self._states and self._count(CONTROLLER)):
-            self._collect(max(_DISCOVERY - seconds, 0.0))
-        topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD, ACTIVITY)}
-        topics[STATES] = self._states_topic
+        seen = GraphSnapshot()
+        self._collect(seen, seconds)
+        if not (seen.states and self._count(CONTROLLER)):
+            self._collect(seen, max(_DISCOVERY - seconds, 0.0))
+        seen.publishers = self._nodes(self.get_publishers_info_by_topic)
+        seen.subscribers = self._nodes(self.get_subscriptions_info_by_topic)
+        seen.words = {topic: self.word(topic) for topic in (SESSION, REASON, MODE)}
+        seen.controller = self._ask(CONTROLLER, _ASKED)
+        seen.controllers = self._count(CONTROLLER)
         forwarding = self._ask(_FORWARDING, ('joints',)) or {}
-        return GraphSnapshot(
-            states=tuple(self._states),
-            publishers=self._nodes(topics, self.get_publishers_info_by_topic),
-            subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
-            twist_frames=frozenset(self._frames),
-            words={topic: self.word(topic) for topic in (SESSION, REASON, MODE)},
-            description=self._description,
-            controller=self._ask(CONTROLLER, _ASKED),
-            controllers=self._count(CONTROLLER),
-            forward_joints=tuple(forwarding.get('joints') or ()),
-            forward_states=frozenset(self._forward_states.values()),
-            hardware=dict(self._hardware),
-        )
+        seen.forward_joints = forwarding.get('joints') or []
+        return seen
 
-    def _collect(self, seconds: float) -> None:
+    def _collect(self, seen: GraphSnapshot, seconds: float) -> None:
         """Record what comes in that time [s]."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
@@ -136,17 +105,13 @@ class SnapshotNode(GraphMonitor):
             for sample, state in self._taken(self._states_topic, JointState):
                 stamp = to_nanoseconds(state.header.stamp)
                 positions = dict(zip(state.name, state.position, strict=False))
-                self._states.append(StateSeen(stamp, sample.received, positions))
+                seen.states.append(StateSeen(stamp, sample.received, positions))
             for _, twist in self._taken(TWISTS, TwistStamped):
-                self._frames.add(twist.header.frame_id)
+                seen.twist_frames.add(twist.header.frame_id)
             for _, diagnostics in self._taken(_DIAGNOSTICS, DiagnosticArray):
-                self._take_diagnostics(diagnostics)
-            activity = None if self._activity_type is None else self.samples.newest(ACTIVITY)
-            if activity is not None:
-                self._take_activity(activity)
-            description = self.samples.newest(DESCRIPTION)
-            if description is not None:
-                self._description = description.data
+                _take_diagnostics(seen, diagnostics)
+            for _, description in self._taken(DESCRIPTION, String):
+                seen.description = description.data
 
     def _taken(self, topic: str, kind: type) -> Iterator[tuple[Sample, Any]]:
         """What has come on a topic, without what is malformed."""
@@ -154,34 +119,15 @@ class SnapshotNode(GraphMonitor):
             with suppress(EncodingError):
                 yield sample, deserialised(sample.data, kind)
 
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        """Record the states of controllers and hardware, which any manager may report."""
-        for status in message.status:
-            for pair in status.values:
-                name, _, rest = pair.key.rpartition('.')
-                if rest == 'state' and name == _FORWARDING:
-                    self._forward_states[status.name] = one_line(pair.value)
-                elif rest == 'state' and _HARDWARE in status.name:
-                    self._hardware[one_line(name)] = one_line(pair.value)
-
-    def _take_activity(self, message: Any) -> None:
-        """Record the states that the manager of this namespace reports, as soon as they change."""
-        for controller in message.controllers:
-            if controller.name == _FORWARDING:
-                self._forward_states = {ACTIVITY: one_line(controller.state.label)}
-        for component in message.hardware_components:
-            self._hardware[one_line(component.name)] = one_line(component.state.label)
-
-    def _nodes(
-        self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]
-    ) -> dict[str, tuple[str, ...]]:
-        """Full names of the nodes at the ends of topics, by the topics' own names."""
+    def _nodes(self, infos: Callable[[str], Sequence[TopicEndpointInfo]]) -> dict[str, list[str]]:
+        """The nodes at the ends of topics."""
         own = self.get_fully_qualified_name()
         found = {}
-        for topic, name in topics.items():
+        for topic in (STATES, TWISTS, COMMANDS, FORWARD):
+            name = self._states_topic if topic == STATES else topic
             ends = infos(self.resolve_topic_name(name))
             nodes = {f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends}
-            found[topic] = tuple(sorted(node for node in nodes if not node.startswith(own)))
+            found[topic] = sorted(node for node in nodes if not node.startswith(own))
         return found
 
     def _count(self, name: str) -> int:
@@ -198,10 +144,12 @@ class SnapshotNode(GraphMonitor):
             return None
 
 
-def _find_activity_type() -> Any:
-    """The type of ros2_control's topic of activity; None if its messages are not installed here."""
-    try:
-        from controller_manager_msgs.msg import ControllerManagerActivity
-    except ImportError:
-        return None
-    return ControllerManagerActivity
+def _take_diagnostics(seen: GraphSnapshot, message: DiagnosticArray) -> None:
+    """Record the states of controllers and hardware, which any manager may report."""
+    for status in message.status:
+        for pair in status.values:
+            name, _, rest = pair.key.rpartition('.')
+            if rest == 'state' and name == _FORWARDING:
+                seen.forward_states[status.name] = one_line(pair.value)
+            elif rest == 'state' and _HARDWARE in status.name:
+                seen.hardware[one_line(name)] = one_line(pair.value)

@@ -1,6 +1,7 @@
 """What is missing before a connected arm may move: a verdict on each part of a snapshot."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -16,7 +17,6 @@ from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 from redres_ros.nodes.topics import MODE, REASON, SESSION
 from redres_ros.preflight.snapshot import (
-    ACTIVITY,
     COMMANDS,
     CONTROLLER,
     FORWARD,
@@ -126,7 +126,7 @@ def _judge_session(seen: GraphSnapshot) -> _Verdicts:
         yield _ok('session', session)
 
 
-def _judge_stamps(states: tuple[StateSeen, ...], rate: float) -> _Verdicts:
+def _judge_stamps(states: list[StateSeen], rate: float) -> _Verdicts:
     """Whether the states come in order at the expected rate [Hz]."""
     if not states:
         return
@@ -151,28 +151,23 @@ def _judge_stamps(states: tuple[StateSeen, ...], rate: float) -> _Verdicts:
         yield _note('clock', f'{text}; stamp task velocities 0')
 
 
-def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
+def _judge_jitter(states: list[StateSeen], rate: float) -> Verdict:
     """Whether the controller, which counts cycles in the same way, can number every state."""
+    arrivals = {state.stamp: state.arrived for state in states}  # [ns]
     cycles = CycleCounter(round(NANOSECONDS / rate))
-    stamps: list[int] = []  # [ns]
-    numbers: list[int] = []
-    refused = 0
-    for state in states:
-        if state.stamp == cycles.newest:
-            continue
-        try:
-            cycles.enter(state.stamp, state.arrived / NANOSECONDS)
-        except ClockError:
-            refused += 1
-            continue
-        stamps.append(state.stamp - states[0].stamp)
-        numbers.append(cycles.number)
-    expected = np.polynomial.Polynomial.fit(numbers, stamps, 1)
-    errors = np.abs(np.array(stamps) - expected(np.array(numbers))) / cycles.period
+    numbered: dict[int, int] = {}  # stamps [ns] by the numbers of their cycles
+    for stamp, arrived in arrivals.items():
+        with suppress(ClockError):
+            cycles.enter(stamp, arrived / NANOSECONDS)
+            numbered[cycles.number] = stamp - states[0].stamp
+    numbers = np.array(list(numbered))
+    stamps = np.array(list(numbered.values()))
+    errors = np.abs(stamps - np.polynomial.Polynomial.fit(numbers, stamps, 1)(numbers))
+    errors = errors / cycles.period
     missing = numbers[-1] - numbers[0] + 1 - len(numbers)
     gaps = f'; {missing} states did not come' if missing else ''
     text = f'stamps jitter by {100.0 * errors.max():.1f} % of a period at most{gaps}'
-    unclear = refused + int(np.sum(errors > _HALF))
+    unclear = len(arrivals) - len(numbered) + int(np.sum(errors > _HALF))
     if unclear > _FEW * len(states):
         text += f'; the cycle of {unclear} states is not clear, as they jitter by half a period'
         return _fault('jitter', text)
@@ -198,14 +193,14 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
     # Commands for ros2_control are numbers without names: the order must be the arm's.
     if seen.forward_joints:
         text = f'{FORWARD} has the joints {", ".join(seen.forward_joints)}'
-        is_ours = seen.forward_joints == limits.joint_names
+        is_ours = seen.forward_joints == list(limits.joint_names)
         yield _ok('order', text) if is_ours else _fault('order', f'{text}; expected {names}')
     if seen.description and expected.robot != TOPIC:
         yield from _judge_description(seen.description, expected, arm.tip_frame, limits)
     yield from _judge_frames(seen, model)
 
 
-def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> _Verdicts:
+def _judge_joints(states: list[StateSeen], limits: JointLimits) -> _Verdicts:
     names = limits.joint_names
     ours = [state for state in states if set(names) & state.positions.keys()]
     if not ours:
@@ -329,7 +324,7 @@ def _judge_forwarding(seen: GraphSnapshot) -> _Verdicts:
     """Whether ros2_control's controller takes the commands that reach it: an inactive one has its
     subscription, too.
     """
-    states = seen.forward_states
+    states = set(seen.forward_states.values())
     command = 'ros2 control switch_controllers --activate forward_position_controller'
     if states and 'active' not in states:
         text = f'the forward_position_controller is {", ".join(sorted(states))}: {command}'
@@ -342,8 +337,6 @@ def _judge_forwarding(seen: GraphSnapshot) -> _Verdicts:
             'no controller_manager reports on /diagnostics whether the forward_position_controller '
             'is active; one that is not shows in the first motion, within 50 ms'
         )
-        if seen.publishers.get(ACTIVITY):
-            text += f'. Install controller_manager_msgs here: then {ACTIVITY} can be read, too'
         yield _note('forwarding', text)
     else:
         yield _ok('forwarding', 'the forward_position_controller is active')
