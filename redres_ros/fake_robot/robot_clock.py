@@ -1,4 +1,4 @@
-"""The robot's time: stamps one period apart, and a schedule that can pause and catch up."""
+"""The robot's time: stamps one period apart, and a schedule that can pause."""
 
 import time
 from collections.abc import Callable
@@ -7,10 +7,6 @@ from redres_ros.types import Nanoseconds, Seconds
 
 NANOSECONDS = 1_000_000_000
 
-# Fraction of a cycle that is saved while the clock is behind: 0.3 s are caught up in 3 s, and a
-# client has nine tenths of the usual time to respond.
-CATCH_UP = 0.1
-
 _KEPT = 256  # states whose time of sending is kept, to assign commands to them
 
 
@@ -18,15 +14,13 @@ class RobotClock:
     """Stamps the states of ticks, and keeps to the computer's monotonic clock, which nobody sets.
 
     While its process is held up, or it waits for a client, the clock stands still: the next stamp
-    is one period after the last. Afterwards the cycles are a little shorter, until the stamps have
-    caught up with the computer's clock. While nothing moves they may jump there (`skip`).
+    is one period after the last, and all that follow are as much behind the computer's clock.
     """
 
     def __init__(self, epoch: Nanoseconds, period: Nanoseconds) -> None:
         """A clock with the stamp `epoch` at tick 0."""
         self.period = period
         self.stood_still: Seconds = 0.0  # since the start; latencies do not count it
-        self.lag: Seconds = 0.0  # of the stamps behind the computer's clock
         self._epoch = epoch
         self._due = time.monotonic()  # when the next tick is to come [s]
         # Tick and time [s] of the last states by stamp, oldest first, without the time stood still
@@ -62,9 +56,7 @@ class RobotClock:
     def wait(self, sleep: Callable[[Seconds], None] = time.sleep) -> None:
         """Sleep until the next tick is due; stand still for a delay of more than a period."""
         period = self.period / NANOSECONDS
-        saved = min(self.lag, CATCH_UP * period)  # [s]
-        self.lag -= saved
-        self._due += period - saved
+        self._due += period
         late = time.monotonic() - self._due
         sleep(max(-late, 0.0))
         if late > period:
@@ -74,11 +66,4 @@ class RobotClock:
         """Between the instant at which the tick was due and now the clock has stood still."""
         seconds = time.monotonic() - self._due
         self.stood_still += seconds
-        self.lag += seconds
         self._due += seconds
-
-    def skip(self) -> None:
-        """Jump by whole periods to the computer's clock; for a robot that stands still."""
-        periods = int(self.lag * NANOSECONDS) // self.period
-        self._epoch += periods * self.period
-        self.lag -= periods * self.period / NANOSECONDS

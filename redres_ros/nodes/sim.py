@@ -246,8 +246,6 @@ class SimNode(ManagedNode):
             self._client_lives = not self._awaits_command
             self._cycles_waited += 1
             self._robot_clock.stand_still()
-        if self._robot.at_rest and not self._session.commanding:
-            self._robot_clock.skip()
 
     def _await_command(self, stopped: threading.Event, spinner: Spinner, patience: Seconds) -> None:
         until = time.monotonic() + patience
@@ -314,7 +312,6 @@ class SimNode(ManagedNode):
             **{f'refused: {kind.value}': count for kind, count in session.refusals.items()},
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
-            'clock behind [s]': self._robot_clock.lag,
         }
         if not self.active:
             return Health(WARN, self.life, figures)
