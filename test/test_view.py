@@ -14,18 +14,16 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('viser', reason='needs the extra view')
 
-from graph_helpers import PATIENCE, await_that, graph, read_parameters, to_joint_state
+from graph_helpers import PATIENCE, await_that, graph, read_parameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
 from redres_ros.errors import ArrayError
-from redres_ros.graph import monitor as monitoring
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, Sampler
 from redres_ros.nodes import controller_telemetry
@@ -226,30 +224,21 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
         assert np.array_equal(seen.q, newest.state.q)
 
 
-def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
-    motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(monitoring, '_SILENCE', 0.2)
+def test_the_arm_is_where_the_newest_snapshot_says(motion: SimpleNamespace) -> None:
     with graph(ControllerNode) as (node, _):
         monitor = GraphMonitor('test')
         arm = LiveArm(monitor, values_of(node))
         assert arm.model.arm == node._controller.model.arm
-        states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
-        snapshots = node.create_publisher(
-            Float64MultiArray, controller_telemetry.TOPIC, QoSProfile(depth=1)
-        )
+        topic = controller_telemetry.TOPIC
+        publisher = node.create_publisher(Float64MultiArray, topic, QoSProfile(depth=1))
+        q = motion.commands[0].state.q
 
-        def arrived(publisher: Any, message: Any, q: np.ndarray) -> bool:
-            publisher.publish(message)
+        def arrived() -> bool:
+            publisher.publish(to_message(ControllerSnapshot(Figures(*range(7)), q)))
             arm.look()
             return np.array_equal(arm.q, q)
 
-        where = np.linspace(0.1, 0.7, motion.model.n)
-        state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
-        await_that(lambda: arrived(states, state, where), 'the states')
-        command = motion.commands[0]
-        reported = to_message(ControllerSnapshot(Figures(*range(7)), command.state.q))
-        await_that(lambda: arrived(snapshots, reported, command.state.q), 'the snapshot')
+        await_that(arrived, 'the snapshot')
         monitor.destroy_node()
 
 

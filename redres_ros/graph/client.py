@@ -19,20 +19,7 @@ from redres_ros.types import Seconds
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether a response has come
 _GRAPH_LOOK = 0.1  # [s] between looks at whether a node is there
-_SETTLING = 0.5  # [s] for the rest of the graph to be discovered
 _NEEDED = ('controller', 'planner')
-# Clients of these are made while the graph is awaited: a server must have found them before it can
-# respond.
-_STEERED = {
-    'planner/start': Trigger,
-    'planner/stop': Trigger,
-    'planner/home': Trigger,
-    'sim/reset': Trigger,
-    'controller/hold': SetBool,
-    'controller/set_parameters_atomically': SetParametersAtomically,
-    'sim/set_parameters_atomically': SetParametersAtomically,
-    'sim/get_parameters': GetParameters,
-}
 
 
 class CallError(RedresError):
@@ -63,17 +50,15 @@ class GraphClient:
                 f'no node offers the service {client.srv_name}; '
                 f'is its node running in ROS domain {self._domain()}?'
             )
-        until = time.monotonic() + self._patience
+        begun = time.monotonic()
         futures: list[Future] = []
-        try:
-            while time.monotonic() < until and rclpy.ok():
+        while (elapsed := time.monotonic() - begun) < self._patience and rclpy.ok():
+            if elapsed >= len(futures) * _ASK_AGAIN:
                 futures.append(client.call_async(request))
-                response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))
-                if response is not None:
-                    return response
-        finally:
             for future in futures:
-                client.remove_pending_request(future)
+                if future.done():
+                    return future.result()
+            time.sleep(_LOOK)
         raise CallError(f'{client.srv_name} did not respond within {self._patience:g} s')
 
     def trigger(self, service: str) -> str:
@@ -121,8 +106,6 @@ class GraphClient:
 
         Raises CallError if they have not appeared in that time [s].
         """
-        for service, kind in _STEERED.items():
-            self._client(kind, service)
         until = time.monotonic() + patience
         while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
@@ -133,7 +116,7 @@ class GraphClient:
                 )
             if stopped.wait(_GRAPH_LOOK):
                 return False
-        return not stopped.wait(_SETTLING)
+        return True
 
     def _client(self, kind: type, service: str) -> Client:
         with self._lock:
@@ -143,16 +126,6 @@ class GraphClient:
 
     def _domain(self) -> int:
         return int(self._node.context.get_domain_id())
-
-
-def _first(futures: Sequence[Future], until: float) -> Any:
-    """The result of the first one that is done; None if none is in time."""
-    while time.monotonic() < until and rclpy.ok():
-        for future in futures:
-            if future.done():
-                return future.result()
-        time.sleep(_LOOK)
-    return None
 
 
 def _message(service: str, response: Any) -> str:

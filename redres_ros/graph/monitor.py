@@ -15,14 +15,13 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.graph.client import GraphClient
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
-from redres_ros.nodes.conversions import EncodingError, JointMapper, deserialised
+from redres_ros.nodes.conversions import EncodingError, deserialised
 from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
@@ -36,16 +35,13 @@ from redres_ros.nodes.topics import (
     TASK_STATE,
 )
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import finite_vector
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
 NODES = ('sim', 'planner', 'controller')
 STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
 
-_STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _LOOK = 0.02  # [s] between looks at whether it has come
-_SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are read
 # Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
 _SNAPSHOTS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -216,7 +212,7 @@ class GraphMonitor(Node):
 
 
 class LiveArm:
-    """The state of an arm from the controller's snapshots; from its own states if there are none.
+    """The state of an arm from the controller's snapshots.
 
     Raises RedresError if the arm in the controller's parameters is not known here.
 
@@ -227,11 +223,12 @@ class LiveArm:
 
     def __init__(self, monitor: GraphMonitor, values: Mapping[str, Any]) -> None:
         self._samples = monitor.samples
-        self.model = self._find_model(values)
+        arm = make_arm(values['robot'], values['tip_frame'], self._await_description)
+        limits = tuple(values['acceleration_limit'])
+        self.model = RobotModel(
+            replace(arm, acceleration_limit=limits, dynamics=values['dynamics'])
+        )
         self.q = np.zeros(self.model.n)
-        self._joints = JointMapper(self.model.joint_names)
-        self._received_at = time.monotonic()  # [s] when a snapshot came last
-        self._is_silent = False  # then the states are read
         self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _SNAPSHOTS)
 
     def look(self) -> list[Figures]:
@@ -242,9 +239,7 @@ class LiveArm:
                 message = deserialised(sample.data, Float64MultiArray)
                 seen = controller_telemetry.from_message(message, self.model.n)
                 self.q = seen.q
-                self._received_at = time.monotonic()
                 figures.append(seen.figures)
-        self._look_at_states()
         return figures
 
     def fractions(self) -> np.ndarray:
@@ -253,34 +248,13 @@ class LiveArm:
         fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
         return fractions
 
-    def _look_at_states(self) -> None:
-        """Read states while the controller is silent: else they cost the robot a message."""
-        was_silent = self._is_silent
-        self._is_silent = time.monotonic() - self._received_at > _SILENCE
-        if self._is_silent and not was_silent:
-            self._samples.add(_STATES, JointState, NEWEST)
-        elif was_silent and not self._is_silent:
-            self._samples.remove(_STATES)
-        state = self._samples.newest(_STATES) if self._is_silent else None
-        if state is not None and self._joints.concerns(state):
-            with suppress(RedresError):  # malformed
-                self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
-
-    def _find_model(self, values: Mapping[str, Any]) -> RobotModel:
-        arm = make_arm(values['robot'], values['tip_frame'], self._await_description)
-        limits = tuple(values['acceleration_limit'])
-        return RobotModel(replace(arm, acceleration_limit=limits, dynamics=values['dynamics']))
-
     def _await_description(self) -> str:
         """The URDF on the topic; empty if none comes."""
         self._samples.add(DESCRIPTION, String, LATCHED)
         until = time.monotonic() + _PATIENCE
-        try:
-            while time.monotonic() < until:
-                message = self._samples.newest(DESCRIPTION)
-                if message is not None:
-                    return str(message.data)
-                time.sleep(_LOOK)
-            return ''
-        finally:
-            self._samples.remove(DESCRIPTION)
+        message = None
+        while message is None and time.monotonic() < until:
+            time.sleep(_LOOK)
+            message = self._samples.newest(DESCRIPTION)
+        self._samples.remove(DESCRIPTION)
+        return str(message.data) if message else ''

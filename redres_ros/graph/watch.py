@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.command import VALUES
 from redres_ros.errors import RedresError
-from redres_ros.graph.monitor import STALE, WORDS, GraphMonitor, LastValue, LiveArm, NodeHealth
+from redres_ros.graph.monitor import STALE, GraphMonitor, LastValue, LiveArm, NodeHealth
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
@@ -28,7 +28,9 @@ _NEAR = 0.06  # of the range, from an end
 
 _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
-_TYPES = {_LAW: String, ACTIVE_LIMITS: String, 'planner/segment': Int32}  # all others: Float64
+_SEGMENT = 'planner/segment'
+_ERROR = 'planner/task_error'
+_FOLLOWED = {ACTIVE_LIMITS: String, PROGRESS: Float64, _SEGMENT: Int32, _ERROR: Float64}
 
 
 class _Row(NamedTuple):
@@ -50,8 +52,8 @@ _ROWS: dict[str, tuple[_Row, ...]] = {
     'planner': (
         _Row(TASK_STATE, 'state', in_line=True),
         _Row(PROGRESS, 'progress', '%', 100.0, in_line=True),
-        _Row('planner/segment', 'segment'),
-        _Row('planner/task_error', 'task error', 'mm', 1e3, in_line=True),
+        _Row(_SEGMENT, 'segment'),
+        _Row(_ERROR, 'task error', 'mm', 1e3, in_line=True),
     ),
     'controller': (
         _Row(_LAW, 'law', in_line=True),
@@ -82,7 +84,6 @@ class Watch(GraphMonitor):
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
         self._arm: LiveArm | None = None
-        self._followed = [ACTIVE_LIMITS, *_sampled_topics('planner')]
         self._is_known = True  # whether the arm is known here
         self.on_parameters = self._on_parameters
 
@@ -97,26 +98,20 @@ class Watch(GraphMonitor):
 
     def look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
-        for topic in self._followed:
-            self.sampled(topic, _TYPES.get(topic, Float64))
-        if self._arm is not None:
-            self._look_at(self._arm)
-        elif self._is_known and self.client.offers('controller'):
+        for topic, kind in _FOLLOWED.items():
+            self.sampled(topic, kind)
+        if self._arm is None and self._is_known and self.client.offers('controller'):
             try:
                 values = self.client.parameters('controller')
-                self._arm = LiveArm(self, values)
                 self.keep(_LAW, values['law'])
+                self._arm = LiveArm(self, values)
             except RedresError:
                 self._is_known = False  # the page shows the rest
-                self._followed += _sampled_topics('controller')
-
-    def _look_at(self, arm: LiveArm) -> None:
         # A snapshot has all figures: subscribing to each would cost the controller time.
-        seen = arm.look()
-        if seen:
+        if self._arm is not None and (seen := self._arm.look()):
             for name in VALUES:
                 self.keep(f'controller/{name}', getattr(seen[-1], name))
-            self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
+            self.keep(_TIP, tuple(self._arm.model.tip(self._arm.q)[0].tolist()))
 
     def _joints(self) -> list[_JointBar]:
         arm = self._arm
@@ -132,12 +127,6 @@ class Watch(GraphMonitor):
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         if node == 'controller' and 'law' in values:
             self.keep(_LAW, values['law'])
-
-
-def _sampled_topics(node: str) -> list[str]:
-    """The topics of a node on the page with figures of which only the newest matters."""
-    topics = [row.topic for row in _ROWS[node]]
-    return [topic for topic in topics if topic not in (*WORDS, ACTIVE_LIMITS, _TIP)]
 
 
 def watch(node: Watch, duration: float | None = None) -> None:
@@ -173,8 +162,14 @@ def _page(
             'Start one, for example with `redres demo`, which prints its domain, or pass --domain.'
         )
         return Group(title, Text(text, style='yellow'))
-    bars = [_joint_panel(joints)] if joints else []
-    return Group(title, *_alarms(received, now), *_node_panels(received, now), *bars)
+    parts: list[RenderableType] = [title]
+    if REASON in received and received[REASON].value:
+        stop = f'The robot has stopped: {received[REASON].value}\nThe service sim/reset clears it.'
+        parts.append(Panel(Text(stop), style='bold red', expand=False))
+    parts += [_node_panel(received, node, now) for node in _ROWS]
+    if joints:
+        parts.append(_joint_panel(joints))
+    return Group(*parts)
 
 
 def _line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
@@ -208,34 +203,23 @@ def _absence(silence: float) -> str:
     return 'no message' if silence == math.inf else f'silent for {silence:.0f} s'
 
 
-def _alarms(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
-    reason = received.get(REASON, LastValue('', now)).value
-    if reason:
-        text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
-        yield Panel(text, style='bold red', expand=False)
-    last = min(_silence(received, node, now) for node in _ROWS)
-    if last > STALE:
-        text = Text(f'No node has sent a message for {last:.0f} s. The values below are old.')
-        yield Panel(text, style='bold yellow', expand=False)
-
-
-def _node_panels(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
-    for node, rows in _ROWS.items():
-        silence = _silence(received, node, now)
-        table = Table(box=None, show_header=False, pad_edge=False)
-        table.add_column(min_width=28)
-        table.add_column(min_width=30)
-        for row in rows:
-            table.add_row(row.label, _value(received, row, silence > STALE, now))
-        value = received[node].value if node in received else None
-        health = value if isinstance(value, NodeHealth) else NodeHealth('running', True)
-        text = health.text
-        style = 'green' if health.is_well else 'yellow'
-        if silence > STALE:
-            text = _absence(silence)
-            style = 'dim' if silence == math.inf else 'yellow'
-        title = Text(f'{node}: {text}')
-        yield Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
+def _node_panel(received: Mapping[str, LastValue], node: str, now: float) -> Panel:
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(min_width=28)
+    table.add_column(min_width=30)
+    for row in _ROWS[node]:
+        words = _words(received[row.topic].value, row) if row.topic in received else '-'
+        table.add_row(row.label, Text(words))
+    value = received[node].value if node in received else None
+    health = value if isinstance(value, NodeHealth) else NodeHealth('running', True)
+    text = health.text
+    style = 'green' if health.is_well else 'yellow'
+    silence = _silence(received, node, now)
+    if silence > STALE:
+        text = _absence(silence)
+        style = 'dim'
+    title = Text(f'{node}: {text}')
+    return Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
 
 
 def _joint_panel(joints: Sequence[_JointBar]) -> Panel:
@@ -258,16 +242,6 @@ def _bar(fraction: float) -> Text:
     bar = Text(place * '─', style='dim')
     bar.append('●', style=f'not dim bold {colour}')
     return bar.append((_BAR - 1 - place) * '─')
-
-
-def _value(received: Mapping[str, LastValue], row: _Row, is_stale: bool, now: float) -> Text:
-    entry = received.get(row.topic)
-    if entry is None:
-        return Text('-', style='dim')
-    text = _words(entry.value, row)
-    if is_stale or (isinstance(entry.value, float) and now - entry.at > STALE):
-        return Text(f'{text}  (old, {now - entry.at:.0f} s)', style='dim')
-    return Text(text, style='default')
 
 
 def _words(value: object, row: _Row) -> str:
