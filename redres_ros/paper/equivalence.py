@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.command import Command
 from redres_ros.controller import Controller
-from redres_ros.errors import RangeError, RedresError
+from redres_ros.errors import RedresError
 from redres_ros.geometry import quintic
 from redres_ros.laws import make_law
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
+from redres_ros.resolution import resolve
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.types import JointPositions, Seconds, TaskVelocity, Times
+from redres_ros.simulation.recording import Recording
+from redres_ros.types import Seconds, Times
 
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 _PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
@@ -28,19 +28,13 @@ _ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.
 
 @dataclass(frozen=True)
 class Difference:
-    """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took.
-
-    Where a loop amplifies rounding, only same_past stays small.
-
-    Attributes:
-        t: (ticks,) [s].
-        norm: (ticks,) [rad/s], each in a closed loop of its own.
-        same_past: (ticks,) [rad/s], the scheme being given at each tick what the law had.
+    """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took, (ticks,)
+    [rad/s]. Where a loop amplifies rounding, only same_past stays small.
     """
 
-    t: np.ndarray
-    norm: np.ndarray
-    same_past: np.ndarray
+    t: np.ndarray  # [s]
+    norm: np.ndarray  # each in a closed loop of its own
+    same_past: np.ndarray  # the scheme being given at each tick what the law had
 
     @property
     def max(self) -> float:
@@ -63,13 +57,12 @@ def difference(
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = _yardstick(law_name, damping, T, preference)
     preferences = (preference,) if preference else ()
-    controller = Controller(model, make_law(law_name, damping=damping), T, preferences=preferences)
-    law = _Accompanied(controller, scheme)
-    one = run(law, task)
+    law = make_law(law_name, damping=damping)
+    one = run(Controller(model, law, T, preferences=preferences), task)
     two = run(SecondOrderController(model, scheme, T), task)
     norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
     ticks = len(norm)
-    return Difference(one['t'][:ticks], norm, np.array(law.differences[:ticks]))
+    return Difference(one['t'][:ticks], norm, _with_same_past(one, model, scheme)[:ticks])
 
 
 def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
@@ -92,41 +85,31 @@ def _yardstick(
     return make_scheme(law_name, damping, preference)
 
 
-class _Accompanied:
-    """A controller, and at every tick the difference from the command of a scheme with the same
-    past.
+def _with_same_past(law: Recording, model: RobotModel, scheme: Scheme) -> np.ndarray:
+    """|dq_I - dq_II| of a law's motion and a scheme that is given at each tick what the law had,
+    (ticks,) [rad/s].
     """
-
-    def __init__(self, controller: Controller, scheme: Scheme) -> None:
-        self.model = controller.model
-        self.T = controller.T
-        self.m = controller.m
-        self._controller = controller
-        self._scheme = scheme
-        self._J_prev = np.zeros((3, self.model.n))
-        self._dx_prev = np.zeros(3)
-        self.differences: list[float] = []  # [rad/s], one a tick
-
-    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
-        command = self._controller.update(q, dx)
-        dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
-        self.differences.append(float(np.linalg.norm(command.dq - dq)))
-        self._J_prev = command.J
-        self._dx_prev = dx
-        return command
+    differences = []
+    dq_prev = np.zeros(model.n)
+    J_prev = np.zeros((3, model.n))
+    dx_prev = np.zeros(3)
+    for q, dq in zip(law.vectors('q1'), law.vectors('dq1'), strict=True):
+        state = model.state(q, dq_prev)
+        dx = state.J[:3] @ dq
+        dq_II = step(model, scheme, law.T, state, J_prev, dx, dx_prev)
+        differences.append(np.linalg.norm(dq - dq_II))
+        dq_prev = dq
+        J_prev = state.J[:3]
+        dx_prev = dx
+    return np.array(differences)
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """Largest distance |q_k - q(t_k)| of a sampled law from its scheme in continuous time.
+    """Largest distance |q_k - q(t_k)| of a sampled law from its scheme in continuous time."""
 
-    Attributes:
-        periods: Sampling times, (p,) [s].
-        q_errors: (p,) [rad].
-    """
-
-    periods: np.ndarray
-    q_errors: np.ndarray
+    periods: np.ndarray  # (p,) [s]
+    q_errors: np.ndarray  # (p,) [rad]
 
     @property
     def q_order(self) -> float:
@@ -158,62 +141,41 @@ def convergence(
     return Convergence(np.array(periods), np.array(errors))
 
 
-class LostMotionError(RedresError):
-    """A continuous motion that cannot be followed to its end."""
-
-
 def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: Times) -> np.ndarray:
-    """q (N, n) [rad] at ascending times, as a scheme executes the task with dJ dq and ddx known
-    exactly.
+    """q (N, n) [rad] at ascending times of the first segment, as a scheme executes the task with dJ
+    dq and ddx known exactly.
 
-    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
-    = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
-    if the motion begins with it: if the start misses x_0, the arm starts with the least velocity
-    that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
+    ddx = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but
+    only if the motion begins with it: if the start misses x_0, the arm starts with the least
+    velocity that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
 
-    Raises RangeError for a time outside the task, ArrayError if J loses rank, LostMotionError.
+    Raises RedresError for a point out of reach.
     """
     from scipy.integrate import solve_ivp  # an extra, which takes a while to load
 
-    T_AB = task.segment_time
-    T_end = task.segments * T_AB
-    if not 0.0 <= t[0] <= t[-1] <= T_end:
-        raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
-    segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
     start = model.state(task.start, np.zeros(model.n))
     dx = Planner(task).reference(start.x, 0.0).dx
-    y = np.concatenate((start.q, scheme.pseudoinverse(start) @ dx))  # (q, dq), (2n,)
-    rows: list[np.ndarray] = []  # (2n,), N of it
-    for segment in range(segment_of[-1] + 1):
-        span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
-        flow = _flow(scheme, model, task, segment)
-        solution = solve_ivp(
-            flow, span, y, method='DOP853', rtol=_RTOL, atol=_ATOL, dense_output=True
-        )
-        if solution.sol is None or not solution.success:
-            raise LostMotionError(
-                f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}'
-            )
-        *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
-        rows += within
-    return np.array(rows)[:, : model.n]
+    dq = resolve(start.J[:3], dx, np.zeros(model.n), scheme.metric(start))
+    y = np.concatenate((start.q, dq))  # (2n,)
+    span = (0.0, task.segment_time)
+    flow = _flow(scheme, model, task)
+    solution = solve_ivp(flow, span, y, method='DOP853', rtol=_RTOL, atol=_ATOL, t_eval=t)
+    if not solution.success:
+        raise RedresError(f'no continuous motion: {solution.message}')
+    return solution.y[: model.n].T
 
 
 def _flow(
-    scheme: Scheme, model: RobotModel, task: WaypointTask, segment: int
+    scheme: Scheme, model: RobotModel, task: WaypointTask
 ) -> Callable[[float, np.ndarray], np.ndarray]:
-    """The right side of (q, dq)' = (dq, ddq), (2n,), on one segment."""
-    A = task.waypoints[segment]
-    B = task.waypoints[segment + 1]
+    """The right side of (q, dq)' = (dq, ddq), (2n,)."""
+    A = task.waypoints[0]
+    B = task.waypoints[1]
     T_AB = task.segment_time
 
     def flow(t: float, y: np.ndarray) -> np.ndarray:
         q, dq = np.split(y, 2)
-        if np.abs(dq).max() > SPEED_LIMIT:
-            raise LostMotionError(
-                f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
-            )
-        xi = t / T_AB - segment
+        xi = t / T_AB
         state = model.state(q, dq)
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
         ddx_d = (B - A) / T_AB**2 * (60.0 * xi * (1.0 + xi * (2.0 * xi - 3.0)))

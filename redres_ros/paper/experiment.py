@@ -2,7 +2,7 @@
 arm, and what measured positions show of the motion.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,32 +32,6 @@ _STEP = 2.4e-7
 _NOISE = 1e-5
 _LATE = 0.05
 _NO_STOP = 100.0  # factor on the acceleration limits: far beyond what any law commands
-
-
-@dataclass(frozen=True)
-class _Sensing:
-    """How an experiment sees its arm. By default it sees every position exactly and at once.
-
-    Attributes:
-        faults: Faults of the encoders, which act on the controller too.
-        recorded_late: Chance of a joint's position to be that before, in the recording alone.
-        phase: Time from the first state to the start of the task [cycles].
-    """
-
-    faults: Faults = field(default_factory=Faults)
-    recorded_late: float = 0.0
-    phase: float = 0.0
-    seed: int = 0
-
-
-def as_in_the_paper(seed: int) -> _Sensing:
-    """Encoders and a recorder like those of Section 6, and a start between two states.
-
-    The paper names rounding, experiments that are not synchronised, and ROS, which does not
-    guarantee that all joint positions are taken at the same time.
-    """
-    phase = float(np.random.default_rng(seed).uniform())
-    return _Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)
 
 
 @dataclass(frozen=True)
@@ -126,24 +100,33 @@ def experiment(
     task: WaypointTask,
     arm: Arm,
     *,
-    sensing: _Sensing | None = None,
+    seed: int | None = None,
     stops: bool = True,
 ) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
 
+    With a seed, encoders and recorder are like those of Section 6, and the start is between two
+    states: the paper names rounding, experiments that are not synchronised, and ROS, which does not
+    guarantee that all joint positions are taken at the same time. Else all is exact.
+
     In monitor mode the client mirrors the measured position; the task begins in command mode. What
     is computed from the state of tick k is used from tick k + 1. The robot limits speeds as
     it does for the nodes; if `stops`, it also stops at accelerations beyond its limits.
     """
-    sensing = sensing or _Sensing()
+    faults = Faults()
+    late = 0.0
+    ahead = 0.0  # [s] of the planner's clock before the first state
+    if seed is not None:
+        faults = Faults(encoder_step=_STEP, encoder_noise=_NOISE)
+        late = _LATE
+        ahead = float(np.random.default_rng(seed).uniform()) * client.T
     plant = MujocoPlant(arm, client.T, task.start)
     limits = JointLimits.of(arm)
     if not stops:
         limits = replace(limits, acceleration=_NO_STOP * limits.acceleration)
-    robot = _Arm(FakeRobot(FaultyPlant(plant, sensing.faults, sensing.seed), limits), sensing)
+    robot = _Arm(FakeRobot(FaultyPlant(plant, faults, seed or 0), limits), late, seed or 0)
     planner = Planner(task, client.model.tip(robot.q)[0])
-    ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
     recording = run(client, task, source=planner, plant=robot, ahead=ahead)
     for _ in range(round(AFTERMATH / client.T)):
         q_ref = robot.q
@@ -157,26 +140,15 @@ def experiment(
 
 @dataclass(frozen=True)
 class VelocityDifference:
-    """Norms of differences of joint velocities, (N,) [rad/s], of a law (I) and a scheme (II).
+    """Norms of differences of joint velocities, (N,) [rad/s], of a law (I) and a scheme (II)."""
 
-    Attributes:
-        t: (N,) [s].
-        dq: Measured with the law, for scale.
-        total: Commanded by the law, measured with the scheme: what the paper plots.
-        measured: Measured with either.
-        commanded: Commanded by either.
-        filtered: Commanded by the scheme, before and after the filter that differentiates.
-        servo: Commanded by the scheme and filtered in the same way, and measured: lag, speed limit
-            and encoders.
-    """
-
-    t: np.ndarray
-    dq: np.ndarray
-    total: np.ndarray
+    t: np.ndarray  # (N,) [s]
+    dq: np.ndarray  # measured with the law, for scale
+    total: np.ndarray  # commanded by the law, measured with the scheme: what the paper plots
     measured: np.ndarray
     commanded: np.ndarray
-    filtered: np.ndarray
-    servo: np.ndarray
+    filtered: np.ndarray  # commanded by the scheme, before and after the filter
+    servo: np.ndarray  # commanded by the scheme and filtered, and measured: lag, limit, encoders
 
     @classmethod
     def between(cls, law: Experiment, scheme: Experiment) -> 'VelocityDifference':
@@ -207,19 +179,15 @@ def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
 
 
 class _Arm:
-    """The fake robot as the arm of a loop, in command mode, and a record of its positions.
+    """The fake robot as the arm of a loop, in command mode, and a record of its positions."""
 
-    Attributes:
-        shown: Measured positions since then, some of them a cycle late, (n,) [rad] each.
-    """
-
-    def __init__(self, robot: FakeRobot, sensing: _Sensing) -> None:
+    def __init__(self, robot: FakeRobot, late: float, seed: int) -> None:
         self._robot = robot
-        self._late = sensing.recorded_late
-        self._random = np.random.default_rng((sensing.seed, 1))  # not that of the encoders
+        self._late = late  # chance of a joint's position to be recorded a cycle late
+        self._random = np.random.default_rng((seed, 1))  # not that of the encoders
         self._sent: tuple[ClientCommand, ...] = ()  # for the state of the tick before
         self._last: np.ndarray | None = None  # (n,) [rad] measured in the tick before
-        self.shown: list[np.ndarray] = []
+        self.shown: list[np.ndarray] = []  # (n,) [rad], some of them a cycle late
         self.q = robot.plant.q
         self.stop_reason = ''
         while not robot.session.commanding and not self.stop_reason:
@@ -227,7 +195,7 @@ class _Arm:
 
     def step(self, q_ref: JointPositions) -> None:
         shown = self.q.copy()
-        if self._late and self._last is not None:
+        if self._last is not None:
             late = self._random.random(len(shown)) < self._late
             shown[late] = self._last[late]
         self.shown.append(shown)

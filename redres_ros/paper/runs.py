@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
 from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, convergence, difference
-from redres_ros.paper.experiment import Experiment, VelocityDifference, as_in_the_paper, experiment
+from redres_ros.paper.experiment import Experiment, VelocityDifference, experiment
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.preferences import JointCentering, Preference
@@ -140,7 +140,7 @@ class _RobotRun(_Setup):
             self._client(runs.experiment_model, self.switch_time),
             self.task(runs),
             find_arm(runs.task.robot, dynamics=EXPERIMENT_DYNAMICS),
-            sensing=as_in_the_paper(self.seed),
+            seed=self.seed,
             stops=self.stops,
         )
 

@@ -1,95 +1,75 @@
 """Figures 1 and 2: the two levels of control, and what redundancy resolution does."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.patches import Circle, FancyBboxPatch
 
 from redres_ros.paper.runs import Runs
 from redres_ros.resolution import resolve
 
 _LINE = '0.25'
-_ARROW: dict[str, Any] = {
-    'arrowstyle': '-|>',
-    'color': _LINE,
-    'lw': 1.6,
-    'shrinkA': 0,
-    'shrinkB': 0,
-}
+_ARROW: dict[str, Any] = {'arrowstyle': '-|>', 'color': _LINE, 'lw': 1.6}
+_ARROW |= {'shrinkA': 0, 'shrinkB': 0}
 _ROW = 3.0  # height of the boxes' middles, in the units of the axes
 _HALF = 0.75  # of a box's height
 _RETURN = 1.1  # height of the line of measured positions
 
+_BOXES = {  # left and right end, and what it does
+    'planner': (0.4, 2.6, 'or teleoperation,\nvision, a force'),
+    'controller': (4.1, 6.9, 'inverse kinematics, every $T$:\nlaw, tasks, limits'),
+    "robot's controller": (8.7, 11.3, 'interpolation and\njoint servos'),
+    'arm': (12.8, 14.6, '$n$ joints'),
+}
+_ARROWS = {  # from right end to left end, symbol above and topic below
+    (2.6, 4.1): (r'$\dot x$', 'cartesian_\nvelocity'),
+    (6.9, 8.7): (r'$q_\mathrm{ref}$', 'joint_command'),
+    (11.3, 12.8): ('currents', ''),
+}
 
 # of Figure 2
 _J = np.array([[0.5, 1.0]])
 _DX = np.array([1.6])  # a task of one dimension
 _DQ_N = np.array([1.9, 1.5])  # the bias [rad/s]
 
-_LENGTH = 4.0  # [rad/s] half length of the lines
 
-
-class _Box(NamedTuple):
-    """A box from left to right, in the units of the axes."""
-
-    left: float
-    right: float
-    name: str
-    does: str
-
-    @property
-    def middle(self) -> float:
-        return (self.left + self.right) / 2.0
-
-
-_PLANNER = _Box(0.4, 2.6, 'planner', 'or teleoperation,\nvision, a force')
-_CONTROLLER = _Box(4.1, 6.9, 'controller', 'inverse kinematics, every $T$:\nlaw, tasks, limits')
-_ROBOT = _Box(8.7, 11.3, "robot's controller", 'interpolation and\njoint servos')
-_ARM = _Box(12.8, 14.6, 'arm', r'$n$ joints')
-
-
-def figure_1(_: Runs | None = None) -> Figure:
+def figure_1(runs: Runs | None = None) -> Figure:
     """The two-level architecture: ours above, the robot's own below a position interface."""
     figure = Figure(figsize=(13.0, 4.6), layout='constrained')
     ax = figure.add_subplot(xlim=(0.0, 15.0), ylim=(0.2, 5.2))
     ax.set_axis_off()
     ax.set_title('Figure 1. Two levels of control, and the nodes in them')
-    _draw_box(ax, (0.15, 7.35), (0.5, 4.8), 0.2, fc='#dbe9f6', ec='none')
-    _draw_box(ax, (8.3, 14.85), (0.5, 4.8), 0.2, fc='#f3e6d3', ec='none')
     centred: dict[str, Any] = {'ha': 'center', 'va': 'center'}
     ours = 'high level: ROS 2 nodes of this package, 500 Hz'
-    ax.text(3.75, 4.45, ours, color=_LINE, **centred)
-    ax.text(11.575, 4.45, 'low level: the robot, or the node sim', color=_LINE, **centred)
-    for box in (_PLANNER, _CONTROLLER, _ROBOT, _ARM):
-        span = (_ROW - _HALF, _ROW + _HALF)
-        _draw_box(ax, (box.left, box.right), span, 0.12, fc='white', ec=_LINE, lw=1.4)
-        ax.text(box.middle, _ROW + 0.42, box.name, weight='bold', **centred)
-        ax.text(box.middle, _ROW - 0.2, box.does, fontsize='small', **centred)
-    _draw_arrow(ax, _PLANNER, _CONTROLLER, r'$\dot x$', 'cartesian_\nvelocity')
-    _draw_arrow(ax, _CONTROLLER, _ROBOT, r'$q_\mathrm{ref}$', 'joint_command')
-    _draw_arrow(ax, _ROBOT, _ARM, 'currents', '')
+    theirs = 'low level: the robot, or the node sim'
+    for left, right, color, name in (
+        (0.15, 7.35, '#dbe9f6', ours),
+        (8.3, 14.85, '#f3e6d3', theirs),
+    ):
+        _draw_box(ax, left, right, (0.5, 4.8), fc=color, ec='none')
+        ax.text((left + right) / 2.0, 4.45, name, color=_LINE, **centred)
     low = _ROW - _HALF
-    ax.plot((_ARM.middle, _ARM.middle, _PLANNER.middle), (low, _RETURN, _RETURN), c=_LINE, lw=1.6)
-    for box in (_CONTROLLER, _PLANNER):
-        ax.annotate('', (box.middle, low), (box.middle, _RETURN), arrowprops=_ARROW)
+    for name, (left, right, does) in _BOXES.items():
+        _draw_box(ax, left, right, (low, _ROW + _HALF), fc='white', ec=_LINE, lw=1.4)
+        middle = (left + right) / 2.0
+        ax.text(middle, _ROW + 0.42, name, weight='bold', **centred)
+        ax.text(middle, _ROW - 0.2, does, fontsize='small', **centred)
+    for (start, end), (symbol, topic) in _ARROWS.items():
+        ax.annotate('', (end, _ROW), (start, _ROW), arrowprops=_ARROW)
+        _label(ax, (start + end) / 2.0, _ROW, symbol, topic)
+    planner, controller, _, arm = ((left + right) / 2.0 for left, right, _ in _BOXES.values())
+    ax.plot((arm, arm, planner), (low, _RETURN, _RETURN), c=_LINE, lw=1.6)
+    for middle in (planner, controller):
+        ax.annotate('', (middle, low), (middle, _RETURN), arrowprops=_ARROW)
     _label(ax, 9.2, _RETURN, 'measured $q$', 'joint_states')
     return figure
 
 
-def _draw_box(
-    ax: Axes, x: tuple[float, float], y: tuple[float, float], rounding: float, **style: Any
-) -> None:
-    shape = f'round,pad=0,rounding_size={rounding}'
-    size = (x[1] - x[0], y[1] - y[0])
-    ax.add_patch(FancyBboxPatch((x[0], y[0]), *size, boxstyle=shape, **style))
-
-
-def _draw_arrow(ax: Axes, start: _Box, end: _Box, symbol: str, topic: str) -> None:
-    """An arrow to the next box, with its symbol above and its topic below."""
-    ax.annotate('', (end.left, _ROW), (start.right, _ROW), arrowprops=_ARROW)
-    _label(ax, (start.right + end.left) / 2.0, _ROW, symbol, topic)
+def _draw_box(ax: Axes, left: float, right: float, y: tuple[float, float], **style: Any) -> None:
+    shape = 'round,pad=0,rounding_size=0.15'
+    ax.add_patch(FancyBboxPatch((left, y[0]), right - left, y[1] - y[0], boxstyle=shape, **style))
 
 
 def _label(ax: Axes, x: float, y: float, symbol: str, topic: str) -> None:
@@ -106,7 +86,10 @@ def figure_2(runs: Runs) -> Figure:
     ax = figure.add_subplot()
     _draw_line(ax, minimum, r'task: $J\dot q=\dot x$', color='black', lw=1.8)
     _draw_line(ax, np.zeros(2), r'null space: $J\dot q=0$', color='0.6', lw=1.2, ls='--')
-    _draw_circle(ax, _DQ_N, float(np.linalg.norm(dq - _DQ_N)), r'least $\Vert\dot q-\dot q_N\Vert$')
+    least = r'least $\Vert\dot q-\dot q_N\Vert$'
+    radius = float(np.linalg.norm(dq - _DQ_N))
+    circle = Circle((_DQ_N[0], _DQ_N[1]), radius, fill=False, ec='tab:green', ls=':', label=least)
+    ax.add_patch(circle)
     _draw_vector(ax, _DQ_N, r'bias $\dot q_N$', 'tab:green', (0.06, 0.05))
     _draw_vector(ax, null, r'its projection $P\,\dot q_N$', 'tab:orange', (0.16, -0.02))
     _draw_vector(ax, minimum, r'least norm $J^{\#}\dot x$', 'tab:blue', (-0.95, 0.0))
@@ -131,32 +114,14 @@ def figure_2(runs: Runs) -> Figure:
 
 def _draw_line(ax: Axes, point: np.ndarray, label: str, **style: Any) -> None:
     """The line through a point on which J dq stays the same."""
-    direction = np.array((-_J[0, 1], _J[0, 0])) / np.linalg.norm(_J)
-    ax.plot(
-        *np.transpose((point - _LENGTH * direction, point + _LENGTH * direction)),
-        label=label,
-        **style,
-    )
-
-
-def _draw_circle(ax: Axes, centre: np.ndarray, radius: float, label: str) -> None:
-    angles = np.linspace(0.0, 2.0 * np.pi, 200)
-    x, y = centre[:, None] + radius * np.array((np.cos(angles), np.sin(angles)))
-    ax.plot(x, y, color='tab:green', lw=1.0, ls=':', label=label)
+    ax.axline((point[0], point[1]), slope=-_J[0, 0] / _J[0, 1], label=label, **style)
 
 
 def _draw_vector(
     ax: Axes, end: np.ndarray, label: str, color: str, beside: tuple[float, float]
 ) -> None:
     """A vector from the origin with its name beside the tip."""
-    style: dict[str, Any] = {
-        'arrowstyle': '-|>',
-        'color': color,
-        'lw': 2.2,
-        'shrinkA': 0.0,
-        'shrinkB': 0.0,
-        'mutation_scale': 18,
-    }
+    style = _ARROW | {'color': color, 'lw': 2.2, 'mutation_scale': 18}
     x, y = end
     ax.annotate('', (x, y), (0.0, 0.0), arrowprops=style)
     ax.text(x + beside[0], y + beside[1], label, color=color, fontsize='large')
