@@ -263,16 +263,6 @@ class RobotModel:
             self, finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
         )
 
-    def acceleration(
-        self, q: JointPositions, dq: JointVelocities, tau: JointTorques
-    ) -> JointAccelerations:
-        """ddq = M^-1 (tau - n), Eq. (6), by the articulated-body algorithm, without M or n."""
-        q = finite_vector(q, self.n, 'q')
-        dq = finite_vector(dq, self.n, 'dq')
-        tau = finite_vector(tau, self.n, 'tau')
-        self._placed = b''
-        return pin.aba(self._model, self._data, q, dq, tau)  # a copy
-
     def torque(
         self, q: JointPositions, dq: JointVelocities, ddq: JointAccelerations
     ) -> JointTorques:

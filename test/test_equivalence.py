@@ -19,7 +19,7 @@ from redres_ros.paper.equivalence import (
     difference,
     integrate,
 )
-from redres_ros.paper.second_order import SCHEMES, MinimumAccelerationScheme, make_scheme
+from redres_ros.paper.second_order import SCHEMES, Scheme
 
 pytestmark = pytest.mark.slow
 
@@ -87,14 +87,14 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
     monkeypatch.setattr(
         equivalence,
         '_yardstick',
-        lambda name, damping, T, preference: make_scheme(name, damping + excess),
+        lambda name, damping, T, preference: Scheme(name, damping + excess),
     )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
     assert (found.max > ROUNDING) == (found.same_past.max() > ROUNDING) == seen
 
 
 def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
-    assert _yardstick('minimum_velocity', 10.0, 0.001) == MinimumAccelerationScheme(1000.0)
+    assert _yardstick('minimum_velocity', 10.0, 0.001) == Scheme('minimum_acceleration', 1000.0)
 
 
 # --- continuous -----------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, 
 @EVERY_SCHEME
 def test_the_continuous_motion_executes_the_task(name, task, heavy):
     t = np.linspace(0.0, 3.0, 13)
-    tip = np.array([heavy.tip(q)[0] for q in integrate(make_scheme(name), heavy, task, t)])
+    tip = np.array([heavy.tip(q)[0] for q in integrate(Scheme(name), heavy, task, t)])
     xi = t[:, None] / 3.0
     A, B, *_ = task.waypoints
     x_d = A + (B - A) * (6 * xi**5 - 15 * xi**4 + 10 * xi**3)  # Eq. (36)
@@ -122,4 +122,4 @@ def test_the_continuous_motion_executes_the_task(name, task, heavy):
 def test_a_point_out_of_reach_has_no_continuous_motion(side, model):
     far = replace(side, waypoints=np.array((side.waypoints[0], (-1.5, 0.36, 0.01))))
     with pytest.raises(RedresError, match='no continuous motion'):
-        integrate(make_scheme('minimum_acceleration'), model, far, np.array((3.0,)))
+        integrate(Scheme('minimum_acceleration'), model, far, np.array((3.0,)))

@@ -13,7 +13,7 @@ from redres_ros.contact import Admittance, AdmittanceSettings
 from redres_ros.controller import Controller
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.laws import make_law
-from redres_ros.paper.second_order import make_scheme
+from redres_ros.paper.second_order import Scheme
 from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
 
@@ -101,7 +101,7 @@ def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> np.ndarra
     D (de + T dde) + K (e + T de + T^2 dde) = f - f_d.
     """
     arm = Arm(10.0)
-    scheme = make_scheme(law, DAMPING, COMPLIANCE)
+    scheme = Scheme(law, DAMPING, COMPLIANCE)
     mass, damping, stiffness, desired = (
         np.array(getattr(settings, name)) for name in ('mass', 'damping', 'stiffness', 'force')
     )
@@ -117,7 +117,7 @@ def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> np.ndarra
         drive = force(k * T, state.x - arm.x0) - desired - damping * de - stiffness * (e + T * de)
         dde = drive / (mass + T * damping + T**2 * stiffness)
         dJ = np.zeros_like(J) if J_prev is None else (J - J_prev) / T  # Eq. (9)
-        dq = dq + T * scheme.acceleration(arm.model, state, dde, dJ @ dq)  # Eq. (13)
+        dq = dq + T * scheme.acceleration(state, dde, dJ @ dq)  # Eq. (13)
         q = q + T * dq
         de = J @ dq
         e = e + T * de

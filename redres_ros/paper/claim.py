@@ -21,30 +21,19 @@ _INDENT = ' ' * 20
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found out about a claim.
+    """What was found out about a claim."""
 
-    Attributes:
-        held: Whether it holds as it stands.
-        measured: Figures.
-        remark: Where and why ours are not the paper's.
-    """
-
-    held: bool
+    held: bool  # as it stands
     measured: str
-    remark: str = ''
+    remark: str = ''  # where and why our figures are not the paper's
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of `source` that can be measured.
+    """A sentence of `source` that can be measured."""
 
-    Attributes:
-        section: Section of the paper, or an equation.
-        says: The claim in our words.
-    """
-
-    section: str
-    says: str
+    section: str  # of the paper, or an equation
+    says: str  # in our words
     measure: Callable[[Runs], Finding]
     source: str = PAPER
 
@@ -68,11 +57,8 @@ def check_all(
 ) -> dict[Claim, Finding]:
     """The findings in the order of the claims; progress receives the completed fraction."""
     claims = list(claims)
-
-    def measure(claim: Claim) -> Finding:
-        return claim.measure(runs)
-
-    return dict(zip(claims, in_parallel(measure, claims, progress), strict=True))
+    found = in_parallel(lambda claim: claim.measure(runs), claims, progress)
+    return dict(zip(claims, found, strict=True))
 
 
 def table(findings: Mapping[Claim, Finding]) -> str:

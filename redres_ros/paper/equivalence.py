@@ -9,7 +9,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.geometry import quintic
 from redres_ros.laws import make_law
-from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
+from redres_ros.paper.second_order import Scheme, SecondOrderController, step
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preferences import Preference
@@ -81,8 +81,8 @@ def _yardstick(
     and has no scheme in the paper.
     """
     if law_name == 'minimum_velocity':
-        return make_scheme('minimum_acceleration', 1.0 / T, preference)
-    return make_scheme(law_name, damping, preference)
+        return Scheme('minimum_acceleration', 1.0 / T, preference)
+    return Scheme(law_name, damping, preference)
 
 
 def _with_same_past(law: Recording, model: RobotModel, scheme: Scheme) -> np.ndarray:
@@ -96,7 +96,7 @@ def _with_same_past(law: Recording, model: RobotModel, scheme: Scheme) -> np.nda
     for q, dq in zip(law.vectors('q1'), law.vectors('dq1'), strict=True):
         state = model.state(q, dq_prev)
         dx = state.J[:3] @ dq
-        dq_II = step(model, scheme, law.T, state, J_prev, dx, dx_prev)
+        dq_II = step(scheme, law.T, state, J_prev, dx, dx_prev)
         differences.append(np.linalg.norm(dq - dq_II))
         dq_prev = dq
         J_prev = state.J[:3]
@@ -129,7 +129,7 @@ def convergence(
     segment, which has to be over in time at each. Raises UnknownNameError for a law without scheme.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
-    scheme = make_scheme(law_name, damping)
+    scheme = Scheme(law_name, damping)
     law = make_law(law_name, damping=damping)
     errors = []
     segment = replace(task, waypoints=task.waypoints[:2])
@@ -181,6 +181,6 @@ def _flow(
         ddx_d = (B - A) / T_AB**2 * (60.0 * xi * (1.0 + xi * (2.0 * xi - 3.0)))
         ddx = ddx_d + task.feedback_gain * (dx_d - state.J[:3] @ dq)  # derivative of Eq. (37)
         dJ_dq = model.velocity_product(q, dq)[:3]
-        return np.concatenate((dq, scheme.acceleration(model, state, ddx, dJ_dq)))
+        return np.concatenate((dq, scheme.acceleration(state, ddx, dJ_dq)))
 
     return flow

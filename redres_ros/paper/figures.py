@@ -1,9 +1,9 @@
 """The paper's figures by number, computed again."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -43,9 +43,8 @@ _LABELS = {
     'null_velocity_norm': r'null-space part $\Vert\lambda P\dot q_{k-1}\Vert$ [rad/s]',
 }
 _ACCELERATION = ('joint_acceleration_norm', 'null_velocity_norm', 'joint_velocity_norm')
+_MEASURED_NORMS = ('joint_acceleration_norm', 'joint_velocity_norm')
 _TORQUE = ('joint_torque_norm', 'joint_velocity_norm')
-
-_Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
 
 # --- the paths of tip and elbow, and pictures of the arm -----------------------------------------
@@ -114,17 +113,6 @@ def _links(model: RobotModel, q: np.ndarray) -> np.ndarray:
 # --- norms over time -----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """Curves of one filter, and how they are drawn."""
-
-    motion: MeasuredMotion
-    curves: _Curves
-    label: str
-    color: str
-    width: float
-
-
 def _draw_norms(number: int, name: str, columns: Sequence[str], runs: Runs) -> Figure:
     """Norms of a simulation."""
     figure, panels = _panels(title(number, name), len(columns), runs.task)
@@ -134,56 +122,26 @@ def _draw_norms(number: int, name: str, columns: Sequence[str], runs: Runs) -> F
     return figure
 
 
-def _draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
-    """Acceleration and velocity of an experiment, through the paper's filter and a finer one that
-    shows what the paper's smooths away.
+def _draw_measured_norms(
+    number: int, name: str, columns: Sequence[str], windows: Sequence[int], runs: Runs
+) -> Figure:
+    """Norms of an experiment: what was measured, through filters of some windows, in front of what
+    was commanded. A finer window than the paper's shows what that one smooths away.
     """
     tried = runs[name]
-    colour = law_colour(MOTIONS[name].law)
-    T = tried.recording.T
-    finer = tried.motion_through(FINER)
-    fine = f'measured, window of {FINER * T:g} s'
-    usual = f'measured, window of {WINDOW * T:g} s as in the paper'
-    measured = [
-        _Measured(finer, _kinematic(finer), fine, 'black', 0.8),
-        _Measured(tried.motion, _kinematic(tried.motion), usual, colour, 1.8),
-    ]
-    return _draw_measured_norms(title(number, name), tried, measured, runs.task)
-
-
-def _draw_torques(number: int, name: str, runs: Runs) -> Figure:
-    """Torque and velocity of an experiment."""
-    tried = runs[name]
-    curves = {
-        'joint_torque_norm': _torque_norm(tried.motion, runs.experiment_model),
-        'joint_velocity_norm': norms(tried.motion.dq),
-    }
-    colour = law_colour(MOTIONS[name].law)
-    measured = _Measured(tried.motion, curves, 'measured', colour, 1.6)
-    return _draw_measured_norms(title(number, name), tried, [measured], runs.task)
-
-
-def _torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
-    """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm]."""
-    rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
-    return norms(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
-
-
-def _kinematic(motion: MeasuredMotion) -> _Curves:
-    return {'joint_acceleration_norm': norms(motion.ddq), 'joint_velocity_norm': norms(motion.dq)}
-
-
-def _draw_measured_norms(
-    heading: str, tried: Experiment, measured: list[_Measured], task: WaypointTask
-) -> Figure:
-    """What was measured in front of what was commanded."""
-    figure, panels = _panels(heading, len(measured[0].curves), task)
     recording = tried.recording
-    for ax, norm in zip(panels, measured[0].curves, strict=True):
+    figure, panels = _panels(title(number, name), len(columns), runs.task)
+    styles: dict[int, dict[str, Any]] = {
+        FINER: {'color': 'black', 'lw': 0.8},
+        WINDOW: {'color': law_colour(MOTIONS[name].law), 'lw': 1.8},
+    }
+    for ax, norm in zip(panels, columns, strict=True):
         ax.plot(recording['t'], recording[norm], color='0.6', lw=1.0, label='commanded')
-        for each in measured:
-            t = each.motion.t
-            ax.plot(t, each.curves[norm], color=each.color, lw=each.width, label=each.label)
+        for window in windows:
+            motion = tried.motion_through(window)
+            values = _norm(norm, motion, runs.experiment_model)
+            label = f'measured, window of {window * recording.T:g} s'
+            ax.plot(motion.t, values, label=label, **styles[window])
         if tried.stop_reason:
             end = recording['t'][-1]
             ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
@@ -191,6 +149,14 @@ def _draw_measured_norms(
         ax.set_ylim(bottom=0.0)
     legend_below(panels[-1], panels[0])
     return figure
+
+
+def _norm(name: str, motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
+    """One of NORMS along a measured motion, (N,); that of M(q) ddq + n(q, dq), Eq. (6), too."""
+    if name == 'joint_torque_norm':
+        rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
+        return norms([model.torque(q, dq, ddq) for q, dq, ddq in rows])
+    return norms(motion.dq if name == 'joint_velocity_norm' else motion.ddq)
 
 
 def _panels(heading: str, count: int, task: WaypointTask) -> tuple[Figure, list[Axes]]:
@@ -252,12 +218,12 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
     7: partial(_draw_norms, 7, 'simulated_35', _TORQUE),
     8: partial(_draw_simulated_difference, 8, 'simulated_35', 'simulated_29'),
     9: partial(_draw_motion, 9, 'measured_2'),
-    10: partial(_draw_accelerations, 10, 'measured_2'),
+    10: partial(_draw_measured_norms, 10, 'measured_2', _MEASURED_NORMS, (FINER, WINDOW)),
     11: partial(_draw_motion, 11, 'measured_23'),
-    12: partial(_draw_accelerations, 12, 'measured_23'),
+    12: partial(_draw_measured_norms, 12, 'measured_23', _MEASURED_NORMS, (FINER, WINDOW)),
     13: partial(_draw_measured_difference, 13, 'measured_23_at_once', 'measured_22'),
     14: partial(_draw_motion, 14, 'measured_35'),
-    15: partial(_draw_torques, 15, 'measured_35'),
+    15: partial(_draw_measured_norms, 15, 'measured_35', _TORQUE, (WINDOW,)),
     16: partial(_draw_measured_difference, 16, 'measured_35_at_once', 'measured_29'),
 }
 

@@ -11,7 +11,7 @@ from redres_ros.controller import Controller
 from redres_ros.laws import make_law
 from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, convergence, difference
 from redres_ros.paper.experiment import Experiment, VelocityDifference, experiment
-from redres_ros.paper.second_order import SecondOrderController, make_scheme
+from redres_ros.paper.second_order import Scheme, SecondOrderController
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.preferences import JointCentering, Preference
 from redres_ros.robot_model import RobotModel
@@ -53,11 +53,7 @@ class Runs(dict[str, Any]):
 
     def prepare(self, progress: Callable[[float], None]) -> None:
         """Run everything on all processors; progress receives the completed fraction."""
-
-        def compute(name: str) -> Any:
-            return self[name]
-
-        self.update(zip(RUNS, in_parallel(compute, list(RUNS), progress), strict=True))
+        self.update(zip(RUNS, in_parallel(self.__getitem__, list(RUNS), progress), strict=True))
 
     def difference(self, law: str, scheme: str) -> VelocityDifference:
         """The difference of two experiments by their names."""
@@ -66,52 +62,36 @@ class Runs(dict[str, Any]):
 
 @dataclass(frozen=True)
 class _Setup:
-    """A law on the paper's task, or the scheme of second order that the law comes from.
+    """A law on the paper's task, or the scheme of second order that the law comes from."""
 
-    Attributes:
-        equation: The paper's number of it.
-        damping: k_d [1/s]; None for a law that has none.
-        is_scheme: The scheme runs, not the law.
-        is_reversed: The points are in reverse order.
-    """
-
-    equation: str
+    equation: str  # the paper's number of it
     law: str
-    damping: float | None = None
+    damping: float | None = None  # k_d [1/s]; None for a law that has none
     _: KW_ONLY
     is_scheme: bool = False
-    is_reversed: bool = False
+    is_reversed: bool = False  # the points are in reverse order
     T: float = SIMULATION_T
 
     def task(self, runs: Runs) -> WaypointTask:
-        """What is executed."""
         return runs.reversed_task if self.is_reversed else runs.task
 
     def _client(self, model: RobotModel, switch_time: float = 0.0) -> Client:
-        """What responds to the robot's states."""
         damping = self.damping or 0.0
         if self.is_scheme:
-            return SecondOrderController(model, make_scheme(self.law, damping), self.T)
+            return SecondOrderController(model, Scheme(self.law, damping), self.T)
         law = make_law(self.law, damping=damping)
         return Controller(model, law, self.T, switch_time=switch_time)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Simulation(_Setup):
-    """Section 5: an ideal arm.
-
-    Attributes:
-        dynamics: Dynamics of the model.
-        rounds: How often the task is executed.
-        switching: When the next segment begins, WaypointTask.switching.
-    """
+    """Section 5: an ideal arm."""
 
     dynamics: str = SIMULATION_DYNAMICS
-    rounds: int = 1
-    switching: str = 'at_rest'
+    rounds: int = 1  # how often the task is executed
+    switching: str = 'at_rest'  # when the next segment begins
 
     def __call__(self, runs: Runs) -> Recording:
-        """The motion, until the last point is reached."""
         task = self.task(runs)
         points = np.vstack([task.waypoints] * self.rounds)
         task = replace(task, waypoints=points, switching=self.switching)
@@ -120,22 +100,15 @@ class _Simulation(_Setup):
 
 @dataclass(frozen=True, kw_only=True)
 class _RobotRun(_Setup):
-    """Section 6: the arm behind the fake robot.
+    """Section 6: the arm behind the fake robot."""
 
-    Attributes:
-        seed: Seed of the noise and of the start.
-        switch_time: Over which the start is blended [s]. A scheme of second order starts at once,
-            so a law that is compared with one does so too.
-        stops: Whether the robot stops at accelerations beyond its limits.
-    """
-
-    seed: int
+    seed: int  # of the noise and of the start
+    # A scheme of second order starts at once, so a law that is compared with one does so too.
     switch_time: float = SWITCH_TIME
-    stops: bool = True
+    stops: bool = True  # at accelerations beyond the arm's limits
     T: float = _EXPERIMENT_T
 
     def __call__(self, runs: Runs) -> Experiment:
-        """The motion, until the last point is reached or the robot stops."""
         return experiment(
             self._client(runs.experiment_model, self.switch_time),
             self.task(runs),

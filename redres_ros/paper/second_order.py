@@ -7,22 +7,22 @@ is taken to have full rank, as in Sections 3 and 4: unlike a law, a scheme damps
 singularity.
 """
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from redres_ros.command import Command, norm
 from redres_ros.errors import DivergedError, UnknownNameError
+from redres_ros.laws import LAWS
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
-from redres_ros.resolution import Solution, Square, Weight
+from redres_ros.resolution import Solution, Weight
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.types import (
     Jacobian,
     JointAccelerations,
     JointPositions,
-    JointTorques,
     JointVelocities,
     Seconds,
     TaskAcceleration,
@@ -31,23 +31,28 @@ from redres_ros.types import (
 
 
 @dataclass(frozen=True)
-class Scheme(ABC):
+class Scheme:
     """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4),
-    the best in a norm. Its dq is state.dq_prev, Eq. (10).
+    the best in a norm. Its dq is state.dq_prev, Eq. (10). Raises UnknownNameError.
     """
 
+    law: str  # the velocity law that is made from it
     damping: float = 10.0  # k_d [1/s], in the null space
     preference: Preference | None = None  # a further preferred acceleration
 
-    @abstractmethod
+    def __post_init__(self) -> None:
+        if self.law not in SCHEMES:
+            raise UnknownNameError('scheme of second order', self.law, SCHEMES)
+
     def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
+        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
     ) -> JointAccelerations:
         """ddq for a task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq."""
+        return SCHEMES[self.law](state, ddx - dJ_dq, self.preferred(state))
 
     def metric(self, state: RobotState) -> Weight:
         """W, in which the scheme chooses among the ddq; None for the identity."""
-        return None
+        return LAWS[self.law]().weight(state)
 
     def preferred(self, state: RobotState) -> JointAccelerations:
         """ddq_N of Eq. (18): null-space damping -k_d dq, Eq. (21), and the preference."""
@@ -57,79 +62,40 @@ class Scheme(ABC):
         return ddq_N + self.preference.acceleration_in(state, self.metric(state))
 
 
-@dataclass(frozen=True)
-class MinimumAccelerationScheme(Scheme):
-    """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for
-    another ddq_N.
-    """
-
-    def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointAccelerations:
-        J_pinv = _pseudoinverse(state.J[:3])
-        ddq_N = self.preferred(state)
-        return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J[:3] @ ddq_N)  # Eq. (18)
+# --- ddq for J ddq = ddx - dJ dq, (m,), and a preferred ddq_N, (n,) -------------------------------
 
 
-@dataclass(frozen=True)
-class TorqueScheme(Scheme):
-    """A scheme that commands tau; the arm's dynamics, Eq. (6), make ddq of it.
-
-    Each chooses the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that
-    is Eq. (34), which opposes the generalized momentum M dq.
-    """
-
-    def acceleration(
-        self, model: RobotModel, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointAccelerations:
-        return model.acceleration(state.q, state.dq_prev, self.torque(state, ddx, dJ_dq))
-
-    @abstractmethod
-    def torque(
-        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointTorques:
-        """tau for a task acceleration; see acceleration()."""
+def _minimum_acceleration(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarray) -> np.ndarray:
+    """Least joint acceleration: Eq. (22), which is Eq. (16) for ddq_N = 0."""
+    J = state.J[:3]
+    J_pinv = _pseudoinverse(J)
+    return J_pinv @ Jddq + ddq_N - J_pinv @ (J @ ddq_N)  # Eq. (18)
 
 
-@dataclass(frozen=True)
-class _MinimumWeightedTorqueScheme(TorqueScheme):
-    """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in
-    Eq. (18).
-    """
-
-    def torque(
-        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointTorques:
-        J = state.J[:3]
-        M = state.M
-        J_pinv = _pseudoinverse(J)
-        ddq_N = self.preferred(state)
-        tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, state.n)))  # Eq. (25)
-        return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
+# These choose the tau nearest to tau_N = M ddq_N in a norm of their own. For ddq_N = -k_d dq that
+# is Eq. (34), which opposes the generalized momentum M dq.
 
 
-@dataclass(frozen=True)
-class _DynamicallyConsistentScheme(TorqueScheme):
+def _minimum_weighted_torque(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarray) -> np.ndarray:
+    """Least torque in the norm of M^-2: Eq. (25), with ddq_N in the null space, as in Eq. (18)."""
+    J = state.J[:3]
+    J_pinv = _pseudoinverse(J)
+    tau = state.M @ (J_pinv @ (Jddq + J @ np.linalg.solve(state.M, state.n)))  # Eq. (25)
+    return _driven(state, tau + state.M @ (ddq_N - J_pinv @ (J @ ddq_N)))  # M P ddq_N
+
+
+def _dynamically_consistent(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarray) -> np.ndarray:
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
-
-    def torque(
-        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointTorques:
-        J = state.J[:3]
-        M = state.M
-        tau_N = M @ self.preferred(state)  # Eq. (34)
-        drive = ddx - dJ_dq + J @ np.linalg.solve(M, state.n)  # (m,)
-        Minv_JT = np.linalg.solve(M, J.T)  # (n, m)
-        force = np.linalg.solve(J @ Minv_JT, drive)  # (m,)
-        JT_pinv = np.linalg.solve(J @ Minv_JT, Minv_JT.T)  # Eq. (30), (m, n)
-        return J.T @ force + tau_N - J.T @ (JT_pinv @ tau_N)  # Eq. (29)
-
-    def metric(self, state: RobotState) -> Weight:
-        return state.M
+    J = state.J[:3]
+    tau_N = state.M @ ddq_N  # Eq. (34)
+    drive = Jddq + J @ np.linalg.solve(state.M, state.n)  # (m,)
+    Minv_JT = np.linalg.solve(state.M, J.T)  # (n, m)
+    force = np.linalg.solve(J @ Minv_JT, drive)  # (m,)
+    JT_pinv = np.linalg.solve(J @ Minv_JT, Minv_JT.T)  # Eq. (30), (m, n)
+    return _driven(state, J.T @ force + tau_N - J.T @ (JT_pinv @ tau_N))  # Eq. (29)
 
 
-@dataclass(frozen=True)
-class _MinimumTorqueScheme(TorqueScheme):
+def _minimum_torque(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarray) -> np.ndarray:
     """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1,
     (A.13) with y = tau.
 
@@ -137,34 +103,33 @@ class _MinimumTorqueScheme(TorqueScheme):
     dq_{k-1} - T M^-1 n, Eq. (6) gives M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that |dq_k - b|
     in the norm of M^2 is T |tau - tau_N|.
     """
+    A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
+    A_pinv = _pseudoinverse(A)
+    tau_N = state.M @ ddq_N
+    tau = A_pinv @ (Jddq + A @ state.n)  # Eq. (7)
+    return _driven(state, tau + tau_N - A_pinv @ (A @ tau_N))
 
-    def torque(
-        self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
-    ) -> JointTorques:
-        A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
-        A_pinv = _pseudoinverse(A)
-        tau_N = state.M @ self.preferred(state)
-        tau = A_pinv @ (ddx - dJ_dq + A @ state.n)  # Eq. (7)
-        return tau + tau_N - A_pinv @ (A @ tau_N)
 
-    def metric(self, state: RobotState) -> Weight:
-        return Square(state.M)
+def _driven(state: RobotState, tau: np.ndarray) -> np.ndarray:
+    """ddq of the arm under a torque, (n,)."""
+    return np.linalg.solve(state.M, tau - state.n)  # Eq. (6)
+
+
+def _pseudoinverse(A: np.ndarray) -> np.ndarray:
+    """A^# = A' (A A')^-1, (n, m), of a matrix A (m, n) of full rank."""
+    return np.linalg.solve(A @ A.T, A).T
 
 
 # Each scheme has the name of the velocity law that is made from it. Laws of first order have none.
-SCHEMES: dict[str, type[Scheme]] = {
-    'minimum_acceleration': MinimumAccelerationScheme,
-    'minimum_weighted_torque': _MinimumWeightedTorqueScheme,
-    'dynamically_consistent': _DynamicallyConsistentScheme,
-    'minimum_torque': _MinimumTorqueScheme,
+SCHEMES: dict[str, Callable[[RobotState, np.ndarray, np.ndarray], np.ndarray]] = {
+    'minimum_acceleration': _minimum_acceleration,
+    'minimum_weighted_torque': _minimum_weighted_torque,
+    'dynamically_consistent': _dynamically_consistent,
+    'minimum_torque': _minimum_torque,
 }
 
 
-def make_scheme(name: str, damping: float = 10.0, preference: Preference | None = None) -> Scheme:
-    """The scheme that the law of that name was made from. Raises UnknownNameError."""
-    if name not in SCHEMES:
-        raise UnknownNameError('scheme of second order', name, SCHEMES)
-    return SCHEMES[name](damping, preference)
+# --- sampled --------------------------------------------------------------------------------------
 
 
 class SecondOrderController:
@@ -174,9 +139,9 @@ class SecondOrderController:
 
     def __init__(self, model: RobotModel, scheme: Scheme, T: Seconds) -> None:
         self.model = model
-        self.scheme = scheme
         self.T = T
         self.m = 3
+        self._scheme = scheme
         self._last: Command | None = None
         self._dx_prev = np.zeros(3)
 
@@ -185,18 +150,17 @@ class SecondOrderController:
         last = self._last
         state = self.model.state(q, np.zeros(self.model.n) if last is None else last.dq)
         J_prev = state.J[:3] if last is None else last.state.J[:3]
-        dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
+        dq = step(self._scheme, self.T, state, J_prev, dx, self._dx_prev)
         if norm(dq) > SPEED_LIMIT:
             raise DivergedError(norm(dq), SPEED_LIMIT, 'the scheme')
         q_ref = (state.q if last is None else last.q_ref) + self.T * dq  # footnote 1
-        W = self.scheme.metric(state)
+        W = self._scheme.metric(state)
         self._last = Command(Solution(dq, state.J[:3], dx, W=W), q_ref, state, self.T)
         self._dx_prev = dx
         return self._last
 
 
 def step(
-    model: RobotModel,
     scheme: Scheme,
     T: Seconds,
     state: RobotState,
@@ -207,10 +171,5 @@ def step(
     """dq_k by a scheme, from the state (q_k, dq_{k-1}), J_{k-1}, dx_k and dx_{k-1}."""
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J[:3] - J_prev) / T  # Eq. (9)
-    ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
+    ddq = scheme.acceleration(state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
     return state.dq_prev + T * ddq  # Eq. (13)
-
-
-def _pseudoinverse(A: np.ndarray) -> np.ndarray:
-    """A^# = A' (A A')^-1, (n, m), of a matrix A (m, n) of full rank."""
-    return np.linalg.solve(A @ A.T, A).T

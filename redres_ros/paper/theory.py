@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from redres_ros.command import norms
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
 from redres_ros.paper.claim import ROUNDING, Finding, claim, same_velocities
@@ -15,7 +16,7 @@ from redres_ros.paper.runs import (
     SIMULATION_T,
     Runs,
 )
-from redres_ros.paper.second_order import SCHEMES, SecondOrderController, make_scheme
+from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController
 from redres_ros.resolution import resolve, resolve_in_order
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import Recording
@@ -26,27 +27,24 @@ _REPETITIONS = 3000  # of a tick when it is timed
 
 @claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx')
 def _square_task(runs: Runs) -> Finding:
-    """Six joints and six task variables: the sampled acceleration law against J^-1 dx, along a
-    recorded motion.
-    """
+    """Six joints and six task variables, along a recorded motion."""
     T = SIMULATION_T
     model = RobotModel.named(runs.task.robot)
     recording = runs['simulated_23']
-    q = recording.vectors('q1')
-    dq = recording.vectors('dq1')[:, :6]  # joint 7 stands still
+    third = len(recording.data) // 3
     worst = 0.0
     J_prev = np.zeros((6, 6))
     dq_prev = np.zeros(6)
-    for k in range(len(q) // 3):
-        J = model.state(q[k], np.zeros(7)).J[:, :6]
-        dx = J @ dq[k]
+    for q, dq in zip(recording.vectors('q1')[:third], recording.vectors('dq1'), strict=False):
+        J = model.state(q, np.zeros(7)).J[:, :6]  # joint 7 stands still
+        dx = J @ dq[:6]
         dx_prev = J_prev @ dq_prev
         ddq = np.linalg.solve(J, (dx - dx_prev) / T - (J - J_prev) / T @ dq_prev)  # Eq. (12)
         sampled = dq_prev + T * ddq  # Eq. (13)
         direct = np.linalg.solve(J, dx)  # Eq. (14)
         worst = max(worst, float(np.linalg.norm(sampled - direct)))
         J_prev = J
-        dq_prev = dq[k]
+        dq_prev = dq[:6]
     return Finding(
         worst <= ROUNDING, f'largest difference {worst:.1e} rad/s over the first third of the task'
     )
@@ -68,15 +66,15 @@ def _proportional(runs: Runs) -> Finding:
 
 @claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
 def _two_forms(runs: Runs) -> Finding:
-    worst = 0.0
+    differences = []
     for state, dq in _states(runs['simulated_15'], runs.model):
-        J_pinv = np.linalg.pinv(state.J[:3])
-        dx = state.J[:3] @ dq
+        J = state.J[:3]
+        J_pinv = np.linalg.pinv(J)
         b = state.dq_prev
-        form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J[:3]) @ b
-        form_17 = b + J_pinv @ (dx - state.J[:3] @ b)
-        worst = max(worst, float(np.linalg.norm(form_15 - form_17)))
-    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
+        form_15 = J_pinv @ (J @ dq) + (np.eye(len(b)) - J_pinv @ J) @ b
+        form_17 = b + J_pinv @ (J @ dq - J @ b)
+        differences.append(form_15 - form_17)
+    return _identical(differences)
 
 
 @claim(
@@ -181,17 +179,18 @@ def _unneeded_joint(runs: Runs) -> Finding:
 @claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)')
 def _special_case_35(runs: Runs) -> Finding:
     T = SIMULATION_T
-    worst = 0.0
+    differences = []
     for state, dq in _states(runs['simulated_35'], runs.model):
+        J = state.J[:3]
         Minv = np.linalg.inv(state.M)
-        dx = state.J[:3] @ dq
-        J_M = Minv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ Minv @ state.J[:3].T)  # Eq. (A.5)
-        P_M = np.eye(len(dq)) - J_M @ state.J[:3]  # Eq. (33)
+        dx = J @ dq
+        J_M = Minv @ J.T @ np.linalg.inv(J @ Minv @ J.T)  # Eq. (A.5)
+        P_M = np.eye(len(dq)) - J_M @ J  # Eq. (33)
         tau_N = -state.M @ state.dq_prev / T  # Eq. (34)
         form_32 = J_M @ dx + P_M @ (state.dq_prev - T * Minv @ (state.n - tau_N))
         form_35 = J_M @ dx - T * P_M @ Minv @ state.n
-        worst = max(worst, float(np.linalg.norm(form_32 - form_35)))
-    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
+        differences.append(form_32 - form_35)
+    return _identical(differences)
 
 
 @claim('7', 'The velocity laws cost no more computation than the second-order schemes')
@@ -201,7 +200,7 @@ def _cost(runs: Runs) -> Finding:
     dx = state.J[:3] @ moved
     for name in SCHEMES:
         law = Controller(runs.model, make_law(name), SIMULATION_T)
-        scheme = SecondOrderController(runs.model, make_scheme(name), SIMULATION_T)
+        scheme = SecondOrderController(runs.model, Scheme(name), SIMULATION_T)
         pairs = [
             (_seconds(law, state.q, dx), _seconds(scheme, state.q, dx)) for _ in range(_REPETITIONS)
         ]
@@ -245,13 +244,12 @@ def _resting_place(runs: Runs) -> Finding:
     start = runs.task.start
     dq = first
     q = start
-    forgetting_factor = make_law(
-        'minimum_acceleration', damping=SIMULATION_DAMPING
-    ).forgetting_factor(T)
+    law = make_law('minimum_acceleration', damping=SIMULATION_DAMPING)
+    factor = law.forgetting_factor(T)  # lambda
     for _ in range(5000):
         q = q + T * dq
-        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting_factor * dq)  # Eq. (B.1)
-    miss = float(np.abs(q - (start + T * first / (1.0 - forgetting_factor))).max())
+        dq = resolve(np.zeros((3, 7)), np.zeros(3), factor * dq)  # Eq. (B.1)
+    miss = float(np.abs(q - (start + T * first / (1.0 - factor))).max())
     return Finding(miss <= 1e-12, f'the joints rest {miss:.1e} rad from where Eq. (B.2) says')
 
 
@@ -286,10 +284,9 @@ def _regimes(runs: Runs) -> Finding:
 def _stops_at_once(runs: Runs) -> Finding:
     T = SIMULATION_T
     first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
-    law = make_law('minimum_acceleration', damping=1.0 / T)
-    dq = resolve(
-        np.zeros((3, 7)), np.zeros(3), law.bias(runs.model.state(runs.task.start, first), T)
-    )
+    state = runs.model.state(runs.task.start, first)
+    bias = make_law('minimum_acceleration', damping=1.0 / T).bias(state, T)
+    dq = resolve(np.zeros((3, 7)), np.zeros(3), bias)
     speed = float(np.linalg.norm(first))
     return Finding(
         not dq.any(),
@@ -311,6 +308,12 @@ def _states(
     dq = recording.vectors('dq1')
     for k in range(every, len(q), every):
         yield model.state(q[k], dq[k - 1]), dq[k]
+
+
+def _identical(differences: list[np.ndarray]) -> Finding:
+    """Whether two forms of a law differ by rounding only [rad/s]."""
+    worst = norms(differences).max()
+    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
 
 
 def _null_space(J: np.ndarray) -> np.ndarray:
