@@ -18,7 +18,6 @@ from redres_ros.paper.sketches import figure_1
 from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.plots import legend_below, time_panels
-from redres_ros.simulation.recording import limit_usage
 from redres_ros.simulation.report import progress_bar
 
 ROOT = Path(__file__).parents[1]
@@ -129,8 +128,7 @@ def headline(results: Results) -> str:
     usage = {}
     for law in ('minimum_velocity', 'minimum_acceleration'):
         model = RobotModel.named(load_task('rectangle').robot)
-        _, fractions = limit_usage(results[Case(law)].recording, model)
-        usage[law] = float(fractions.max())
+        usage[law] = float(usage_of(results[Case(law)].recording, model).max())
     bounded = results[Case('minimum_velocity', limits=LIMITS)].recording
     velocity = usage['minimum_velocity']
     acceleration = usage['minimum_acceleration']
@@ -141,11 +139,17 @@ def headline(results: Results) -> str:
     )
 
 
+def usage_of(recording: Recording, model: RobotModel) -> np.ndarray:
+    """Acceleration of the joint nearest to its limit, or beyond, as a fraction of it, (ticks,)."""
+    ddq = np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T
+    return np.max(np.abs(ddq) / model.arm.acceleration_limit, axis=1)
+
+
 def limits_text(results: Results) -> str:
     """What docs/limits.md says of the rectangle within limits."""
     model = RobotModel.named(load_task('rectangle').robot)
     velocity = Case('minimum_velocity')
-    fraction = limit_usage(results[velocity].recording, model)[1].max()
+    fraction = usage_of(results[velocity].recording, model).max()
     without, within, velocity_half, acceleration_half = (
         results[case].recording
         for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
@@ -211,7 +215,7 @@ def draw_laws(results: Results) -> Figure:
         recording = results[case].recording
         t = recording['t']
         style = {'color': law_colour(case.law), 'ls': '--' if case.limits else '-'}
-        accelerations.plot(t, limit_usage(recording, model)[1], label=label, **style)
+        accelerations.plot(t, usage_of(recording, model), label=label, **style)
         speeds.plot(t, recording['joint_velocity_norm'], **style)
         if case.limits:
             scaling.plot(t, recording['task_scaling'], **style)
@@ -228,7 +232,7 @@ def draw_laws(results: Results) -> Figure:
 
 def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
     """How many times the limit the highest acceleration is, beside the peak."""
-    _, fractions = limit_usage(recording, model)
+    fractions = usage_of(recording, model)
     tick = int(fractions.argmax())
     at = (recording['t'][tick], fractions[tick])
     style = {'textcoords': 'offset points', 'va': 'center', 'ha': 'right', 'fontsize': 'x-large'}

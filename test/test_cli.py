@@ -62,11 +62,9 @@ def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
     'options',
     [
         ('--dynamics', 'cylinders'),
-        ('--delay', '1'),
         ('--switch-time', '0.1'),
         ('--law', 'minimum_torque'),
         ('--damping', '100'),
-        ('--switching', 'within_tolerance'),
         ('--period', '0.002'),
         ('--limits', 'acceleration', '--limit-scale', '0.1'),
         ('--limits', 'torque', '--torque-scale', '0.12'),
@@ -135,12 +133,10 @@ REFUSED = [
     (('--set', 'posture.gain'), '--set posture.gain; expected NAME=VALUE, such as'),
     (('--prefer', 'posture', '--set', 'posture.gain=high'), "posture.gain is 'high'; allowed: "),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
-    (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
     (('--damping', '1001'), 'damping is 1001.0; allowed: 0 to 1000'),
     (('--period', '0'), 'T is 0.0; allowed: 1e-05 to 1'),
     (('--switch-time', '-1'), 'switch_time is -1.0; allowed: 0 to 60'),
-    (('--delay', '-1'), 'delay is -1; allowed: 0 to 1000'),
 ]
 
 
@@ -210,7 +206,7 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         ('dance', 'dance'),
         ('simulate --damp 1', '--damp'),
         ('simulate --damping much', 'much'),
-        ('simulate --delay 0.5', '0.5'),
+        ('compare --tasks 0.5', '0.5'),
         ('simulate --view page', 'unknown: --view page; see redres simulate --help'),
         ('simulate --law=', 'got nothing for --law; expected a value'),
         ('compare --out=', 'got nothing for --out; expected a value'),

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
-from redres_ros.errors import RangeError
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
@@ -147,20 +146,6 @@ def short(**options: object) -> Recording:
     return run(Controller(MODEL, make_law('minimum_acceleration'), T), one_segment(), **options)
 
 
-def test_a_delay_below_zero_is_refused():
-    with pytest.raises(RangeError, match='delay is -1; allowed: 0 to inf'):
-        short(delay=-1)
-
-
-def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
-    for delay in (0, 1, 3):
-        recording = short(delay=delay)
-        q = recording.vectors('q1')
-        references = TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0)
-        assert (q[: delay + 1] == TASK.start).all()
-        assert q[delay + 1 :] == pytest.approx(references[: -delay - 1], abs=1e-12)
-
-
 def test_progress_goes_from_nothing_to_all():
     shares: list[float] = []
     short(progress=shares.append)
@@ -219,10 +204,24 @@ def test_within_limits_the_path_is_kept_and_only_time_is_stretched(law, scale, t
     assert (np.abs(ddq) <= scale * np.array(MODEL.arm.acceleration_limit) * (1.0 + 1e-9)).all()
 
 
+class LateArm:
+    """Takes up each reference a tick late."""
+
+    stop_reason = ''
+
+    def __init__(self, q: np.ndarray) -> None:
+        self.q = q
+        self._next = q
+
+    def step(self, q_ref: np.ndarray) -> None:
+        self.q = self._next
+        self._next = q_ref
+
+
 def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
     """It is behind on the path, but not off it: 0.8 mm with a Jacobian from where the arm is."""
     controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=BOX)
-    recording = run(controller, TASK, delay=1)
+    recording = run(controller, TASK, plant=LateArm(TASK.start))
     deviation = TASK.path_deviation(recording.vectors('x'), recording['segment'])
     assert deviation.max() < 0.5e-3
 

@@ -8,16 +8,14 @@ from matplotlib.figure import Figure
 
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import FileError
-from redres_ros.laws import LAWS
 from redres_ros.simulation import plots
 from redres_ros.simulation.colours import law_colour, line_styles
 from redres_ros.simulation.plots import (
     Remarks,
-    draw_limit_usage,
     draw_motion,
     save,
 )
-from redres_ros.simulation.recording import Recording, columns, limit_usage
+from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]
 
@@ -87,14 +85,6 @@ def test_a_task_with_orientations_shows_how_well_they_are_kept(
     assert np.asarray(curve.get_ydata()) == pytest.approx(2.0)
 
 
-def test_laws_of_plugins_have_colours_that_no_other_law_has(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(LAWS, 'my_law', LAWS['minimum_velocity'])
-    monkeypatch.setitem(LAWS, 'another_law', LAWS['minimum_velocity'])
-    assert len({law_colour(name) for name in LAWS}) == len(LAWS)
-
-
 def test_motions_under_one_law_share_its_colour_and_differ_in_their_lines() -> None:
     styles = line_styles(['minimum_torque, k_d = 5 1/s', 'minimum_torque, k_d = 9 1/s'])
     assert {style['color'] for style in styles.values()} == {law_colour('minimum_torque')}
@@ -118,31 +108,3 @@ def test_a_switch_is_named_and_the_curve_changes_its_colour_with_the_law(
 def test_a_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="Format 'xyz' is not supported"):
         save(Figure(), tmp_path / 'picture.xyz')
-
-
-def speeding_up(model: RobotModel) -> Recording:
-    """Joint 2 gains a fifth of its velocity limit in every one of ten ticks."""
-    names = columns(model.n)
-    data = np.zeros((10, len(names)))
-    data[:, names.index('t')] = T * np.arange(10)
-    data[:, names.index('dq2')] = -0.2 * model.dq_max[1] * np.arange(1, 11)
-    data[:, names.index('task_scaling')] = 1.0
-    return Recording(data, model.n, T, finished=True, ending='')
-
-
-def test_limit_usage_is_that_of_the_joint_nearest_to_its_limit(model: RobotModel) -> None:
-    velocity, acceleration = limit_usage(speeding_up(model), model)
-    assert velocity == pytest.approx(0.2 * np.arange(1, 11))
-    gained = 0.2 * model.dq_max[1] / T
-    assert acceleration == pytest.approx(np.full(10, gained / model.arm.acceleration_limit[1]))
-
-
-def test_the_picture_reports_what_is_allowed_and_what_goes_beyond_it(model: RobotModel) -> None:
-    recording = speeding_up(model)
-    recording.data[-1, recording.columns.index('dq2')] *= 10.0
-    figure = draw_limit_usage({'a law': recording}, model, 0.5, 'title')
-    velocity, acceleration, scaling = figure.axes
-    assert velocity.get_lines()[-1].get_ydata()[0] == 0.5
-    assert '(up to 20)' in velocity.get_ylabel()
-    assert '(up to' in acceleration.get_ylabel()
-    assert scaling.get_lines()[0].get_ydata() == pytest.approx(np.ones(10))

@@ -21,7 +21,7 @@ from redres_ros.cli.options import (
 
 if TYPE_CHECKING:
     from redres_ros.simulation.batch import Case
-    from redres_ros.simulation.recording import Effort, Recording
+    from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 _MOST_TASKS = 1_000_000
@@ -41,13 +41,8 @@ def add(commands: Any) -> None:
     )
     add_motion(simulate)
     loop = add_loop(simulate)
-    rule = 'when the next segment begins: at_rest, or within_tolerance of the point; '
-    rule += "default: the task's own"
     blend = 'blend the start of the motion over this time [s]'
-    delay = 'the arm uses each reference this many ticks late'
-    option(loop, '--switching', 'RULE', rule)
     option(loop, '--switch-time', 'S', blend, 0.0)
-    option(loop, '--delay', 'TICKS', delay, 0, within=(0, 1000, 'ticks'))
     option(loop, '--out', 'FILE.csv', 'write every tick at full precision', type=Path)
 
     compare = add_command(
@@ -77,15 +72,11 @@ def _simulate(options: argparse.Namespace) -> int:
 
     motion = find_motion(options, [options.law])
     task = motion.task
-    if options.switching:
-        task = replace(task, switching=options.switching)
     controller = motion.controller(options.switch_time)
     if options.out:
         check_writable(options.out)
     with progress_bar(f'{options.law}, T = {1e3 * options.period:g} ms') as progress:
-        recording = run(
-            controller, task, delay=options.delay, greedy=options.greedy, progress=progress
-        )
+        recording = run(controller, task, greedy=options.greedy, progress=progress)
     if options.out:
         recording.write_csv(options.out)
     print_tables(peak_table(options.law, recording))
@@ -138,7 +129,7 @@ def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.motion import find_motion
     from redres_ros.simulation.batch import in_parallel
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import draw_limit_usage, draw_norms, save
+    from redres_ros.simulation.plots import draw_norms, save
     from redres_ros.simulation.recording import Effort
     from redres_ros.simulation.report import comparison_tables, print_tables, progress_bar
 
@@ -150,27 +141,24 @@ def _compare_one(options: argparse.Namespace) -> int:
         each.controller()
     out = options.out
     files: dict[str, Path] = {}  # of the data
-    norms = out / 'comparison.png'
-    limits = out / 'limits.png'
+    picture = out / 'comparison.png'
     for name in contenders:  # such as minimum_acceleration_5.csv
         files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
-    made(out, *(path.name for path in (norms, limits, *files.values())))
+    made(out, *(path.name for path in (picture, *files.values())))
 
-    def compute(name: str) -> 'tuple[Recording, Effort]':
-        recording = run(motions[name].controller(), motion.task, greedy=options.greedy)
-        return recording, Effort.of(recording, motion.model)
+    def compute(name: str) -> 'Recording':
+        return run(motions[name].controller(), motion.task, greedy=options.greedy)
 
     with progress_bar(f'{len(motions)} laws') as progress:
         results = in_parallel(compute, list(motions), progress)
-    recordings = {name: each for name, (each, _) in zip(motions, results, strict=True)}
-    efforts = {name: each for name, (_, each) in zip(motions, results, strict=True)}
+    recordings = dict(zip(motions, results, strict=True))
+    efforts = {name: Effort.of(each, motion.model) for name, each in recordings.items()}
     for name, path in files.items():
         recordings[name].write_csv(path)
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
-    save(draw_norms(recordings, title), norms)
-    save(draw_limit_usage(recordings, motion.model, options.limit_scale, title), limits)
+    save(draw_norms(recordings, title), picture)
     print_tables(*comparison_tables(efforts, title))
-    print(f'plots {norms} and {limits}')
+    print(f'plot {picture}')
     print(f'every tick in {out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')

@@ -2,7 +2,6 @@
 is given.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
@@ -10,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.errors import DivergedError, RangeError
+from redres_ros.errors import DivergedError
 from redres_ros.planning.planner import Planner, ReferenceSource
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
@@ -44,22 +43,15 @@ class CommandedArm(Protocol):
 
 
 class _IdealArm(CommandedArm):
-    """Follows every reference exactly, `delay` ticks late.
-
-    With 0, q_{k+1} = q_k + T dq_k; with 1, tick k + 1 takes up what tick k computed.
-    """
+    """Follows every reference exactly: q_{k+1} = q_k + T dq_k."""
 
     stop_reason = ''
 
-    def __init__(self, q: JointPositions, delay: int) -> None:
-        if delay < 0:
-            raise RangeError('delay', delay, 0, np.inf, 'ticks')
+    def __init__(self, q: JointPositions) -> None:
         self.q = q
-        self._references = deque([q] * delay)  # not yet taken up
 
     def step(self, q_ref: JointPositions) -> None:
-        self._references.append(q_ref)
-        self.q = self._references.popleft()
+        self.q = q_ref
 
 
 def run(
@@ -68,7 +60,6 @@ def run(
     *,
     source: ReferenceSource | None = None,
     plant: CommandedArm | None = None,
-    delay: int = 0,
     ahead: float = 0.0,
     greedy: bool = True,
     progress: Callable[[float], None] | None = None,
@@ -85,17 +76,13 @@ def run(
         task: Start and points.
         source: Where the task velocity comes from; None: a planner of the task.
         plant: The arm; None: an ideal one.
-        delay: Ticks by which an ideal arm takes up a reference late.
         ahead: By how much the task's time is ahead of the loop's at the start [s].
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
             leave; False: brake the path as the planner node does (planning/task_clock.py).
         progress: Called with the fraction of the nominal duration that is over.
-
-    Raises:
-        RangeError: A delay below zero.
     """
     source = source or Planner(task)
-    plant = plant or _IdealArm(task.start, delay)
+    plant = plant or _IdealArm(task.start)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     is_pose = controller.m == 6

@@ -1,8 +1,9 @@
 """One colour for each law and one axis for each figure, in plots and on the live page."""
 
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import cycle
 from typing import Any, NamedTuple
-
-from redres_ros.laws import LAWS
 
 
 class FigureAxis(NamedTuple):
@@ -39,7 +40,7 @@ _LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits
     'dynamically_consistent': '#6a3d9a',
     'minimum_torque': '#56b4e9',
 }
-_OTHERS = ('#8c6d31', '#525252', '#637939', '#843c39')  # of laws that plugins add
+_OTHER_LAW = '#525252'  # of plugins
 _LINE_STYLES = ('-', '--', ':', '-.')  # of several motions under one law
 
 
@@ -47,23 +48,14 @@ def law_colour(name: str) -> str:
     """The colour of a law, as '#rrggbb'; what follows a comma in its name, such as its damping,
     makes no difference.
     """
-    law = name.partition(',')[0]
-    if law in _LAW_COLOURS:
-        return _LAW_COLOURS[law]
-    others = [each for each in LAWS if each not in _LAW_COLOURS]
-    place = others.index(law) if law in others else len(others)
-    return _OTHERS[place % len(_OTHERS)]
+    return _LAW_COLOURS.get(name.partition(',')[0], _OTHER_LAW)
 
 
 def line_styles(names: list[str]) -> dict[str, dict[str, Any]]:
     """Colour and line style of motions by their names, for `Axes.plot`. The names are as law_colour
     takes them; several of one law differ in their lines.
     """
-    styles: dict[str, dict[str, Any]] = {}
-    counts: dict[str, int] = {}
-    for name in names:
-        colour = law_colour(name)
-        count = counts.get(colour, 0)
-        counts[colour] = count + 1
-        styles[name] = {'color': colour, 'ls': _LINE_STYLES[count % len(_LINE_STYLES)]}
-    return styles
+    lines: dict[str, Iterator[str]] = defaultdict(lambda: cycle(_LINE_STYLES))
+    return {
+        name: {'color': law_colour(name), 'ls': next(lines[law_colour(name)])} for name in names
+    }

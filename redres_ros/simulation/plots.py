@@ -17,7 +17,7 @@ from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour, line_styles
-from redres_ros.simulation.recording import Recording, limit_usage
+from redres_ros.simulation.recording import Recording
 
 NORMS = {
     'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
@@ -32,9 +32,6 @@ _BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is lab
 # A norm is drawn on a logarithmic scale if its largest peak is so many times the median one
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
-
-_HIGHEST = 3.0  # fraction of a limit that is shown
-_ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
 
 _BESIDE_PATHS = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
@@ -89,10 +86,11 @@ def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | No
 
 
 def draw_norms(recordings: Mapping[str, Recording], title: str) -> Figure:
-    """The norms of motions over time, by their labels, one panel a norm."""
-    figure, axes = time_panels(len(NORMS), title, (11.0, 9.0))
+    """The norms of motions over time, by their labels, one panel a norm; and the task scaling."""
+    figures = {**NORMS, 'task_scaling': 'task scaling $s$'}
+    figure, axes = time_panels(len(figures), title, (11.0, 11.0))
     styles = line_styles(list(recordings))
-    for ax, (norm, quantity) in zip(axes, NORMS.items(), strict=True):
+    for ax, (norm, quantity) in zip(axes, figures.items(), strict=True):
         for name, recording in recordings.items():
             ax.plot(recording['t'], recording[norm], label=_in_symbols(name), **styles[name])
         ax.set_ylabel(quantity, fontsize='small')
@@ -101,35 +99,6 @@ def draw_norms(recordings: Mapping[str, Recording], title: str) -> Figure:
             ax.set_yscale('log')
             ax.set_ylim(bottom=max(peaks) / _SHOWN)
     legend_below(axes[-1], axes[0], ncols=1, fontsize='small')
-    return figure
-
-
-def draw_limit_usage(
-    recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
-) -> Figure:
-    """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
-
-    Args:
-        recordings: Motions by their labels.
-        model: The arm, with its limits.
-        allowed: Fraction of them that the motions may use, `limit_scale`.
-        title: Above the panels.
-    """
-    figure, (velocity, acceleration, scaling) = time_panels(3, title, (11.0, 8.0))
-    styles = line_styles(list(recordings))
-    for name, recording in recordings.items():
-        curves = (*limit_usage(recording, model), recording['task_scaling'])
-        for ax, curve in zip((velocity, acceleration, scaling), curves, strict=True):
-            ax.plot(recording['t'], curve, label=_in_symbols(name), **styles[name])
-    for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
-        ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
-        highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())
-        ax.set_ylim(0.0, min(_ABOVE * highest, _HIGHEST))
-        note = f'\n(up to {highest:.3g})' if highest > _HIGHEST else ''
-        ax.set_ylabel(f"largest {quantity}\n[fraction of a joint's limit]{note}", fontsize='small')
-    scaling.set_ylim(0.0, 1.05)
-    scaling.set_ylabel('task scaling $s$:\nfraction of the task velocity', fontsize='small')
-    legend_below(scaling, velocity, ncols=1, fontsize='small')
     return figure
 
 
@@ -190,14 +159,8 @@ def draw_motion(
 def draw_contact(
     forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
 ) -> None:
-    """The force on the tip, and how far tip and elbow moved. Raises FileError.
-
-    Args:
-        forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).
-        recording: Recording of the motion.
-        model: The arm.
-        title: What was run.
-        path: Path of the picture.
+    """The force on the tip, and how far tip and elbow moved. Raises FileError. `forces` (N, 4) has
+    times [s], and forces of the environment on the tip [N].
     """
     figure, (force, distance) = time_panels(2, _in_symbols(title), (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')

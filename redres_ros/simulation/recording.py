@@ -135,25 +135,17 @@ class Effort:
         )
 
 
-def limit_usage(recording: Recording, model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of the joint nearest to its limit, or beyond, as fractions of it,
-    (ticks,) each.
-    """
-    limits = JointLimits.of(model.arm)
-    velocity = np.abs(recording.vectors('dq1')) / limits.velocity
-    acceleration = np.abs(_accelerations(recording)) / limits.acceleration
-    return velocity.max(axis=1), acceleration.max(axis=1)
-
-
 def _first_violation(recording: Recording, limits: JointLimits) -> str:
     """The first joint beyond one of its limits, how and when; empty if all are kept."""
     q = recording.vectors('q1')
+    dq = recording.vectors('dq1')
+    ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # from rest, Eq. (13)
     tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
     more = 1.0 + _ROUNDING
     beyond = {
         'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
-        'velocity': np.abs(recording.vectors('dq1')) > more * limits.velocity,
-        'acceleration': np.abs(_accelerations(recording)) > more * limits.acceleration,
+        'velocity': np.abs(dq) > more * limits.velocity,
+        'acceleration': np.abs(ddq) > more * limits.acceleration,
     }
     found = []
     for kind, where in beyond.items():
@@ -164,8 +156,3 @@ def _first_violation(recording: Recording, limits: JointLimits) -> str:
         return ''
     t, what = min(found)
     return f'{what}, {t:.2f} s'
-
-
-def _accelerations(recording: Recording) -> np.ndarray:
-    """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""
-    return np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T

@@ -49,14 +49,7 @@ RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished Result, b
 def table(
     heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = '', note: str = ''
 ) -> Table:
-    """A table whose first column is text and whose others are figures, aligned to the right.
-
-    Args:
-        heads: One for each column, with its unit, such as 'median [us]'.
-        rows: The cells.
-        title: Above the table.
-        note: Below it.
-    """
+    """A table whose first column is text and whose others are figures, aligned to the right."""
     shown = Table(
         title=Text(title, style='bold') if title else None,
         caption=Text(note) if note else None,
@@ -203,7 +196,7 @@ def summary_tables(results: Iterable['Result']) -> list[Table]:
 
 
 def _summary_table(title: str, laws: Mapping[str, _Results]) -> Table:
-    first, *others = laws
+    first = next(iter(laws))
     rows = []
     for law, results in laws.items():
         finished = [each for each in results.values() if each.finished]
@@ -218,13 +211,7 @@ def _summary_table(title: str, laws: Mapping[str, _Results]) -> Table:
                 _median(each.closure for each in finished),
             ]
         )
-    peak = RATIOS['peak |ddq|']
-    ratios = {law: _ratios(laws[law], laws[first], peak) for law in others}
-    medians = {law: float(np.median(each)) for law, each in ratios.items() if len(each)}
     note = f'{len(laws[first])} tasks; ratios to {first}: median (10 to 90 %)'
-    if medians:
-        best = min(medians, key=medians.__getitem__)
-        note += f'; the median peak of acceleration is {medians[best]:.2f} times with {best}'
     heads = ('law', 'finished', 'within limits', *RATIOS, 'time lost [s]', 'closure [rad]')
     return table(heads, rows, title=title, note=note)
 
