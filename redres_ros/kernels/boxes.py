@@ -220,7 +220,8 @@ def fill_boxes(
     boxes (BOXES + 1, 2, n).
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
-    allow. Only where it would leave its range it brakes as hard as the arm is able to.
+    allow. Only where it would leave its range, or exceed V under a limit on the jerk, it brakes as
+    hard as the arm is able to, whatever the jerk.
 
     A robot that bridges so many lost commands with constant acceleration sees a jump in the next
     one. It extrapolates from velocity and acceleration as it has seen them, whose errors are those
@@ -284,10 +285,13 @@ def fill_boxes(
             boxes[k, 1, i] = most
             is_apart = least > upper + _TOUCHING or most < lower - _TOUCHING
             meet = meet and not is_apart
-            if is_apart and k >= POSITION and J == np.inf:
+            if is_apart and k >= POSITION:
                 below = q[i] - limit.lower[end]
                 above = limit.upper[end] - q[i]
                 lower, upper = _widened(lower, upper, below, above, v, limit.A_arm, T)
+            elif is_apart and k == VELOCITY:
+                lower = min(lower, max(v - T * limit.A_arm, limit.V))
+                upper = max(upper, min(v + T * limit.A_arm, -limit.V))
             lower, upper = _narrowed(lower, upper, least, most)
         boxes[BOXES, 0, i] = lower
         boxes[BOXES, 1, i] = upper

@@ -85,10 +85,11 @@ class AccelerationLimit(BrakingLimit, JointLimit):
 
 @dataclass(frozen=True, eq=False)
 class JerkLimit(JointLimit):
-    """|ddq - ddq_prev| <= J T. It holds whatever the state.
+    """|ddq - ddq_prev| <= J T, unless a joint would leave its range or exceed its speed limit.
 
-    With it, the limits on velocity and position leave each joint the distance that it needs to
-    brake without exceeding it (kernels/boxes.py). An arm without jerk limits gets RISE times its
+    The limits on velocity and position leave each joint the distance that it needs to brake at J.
+    So it does not brake harder, unless limits have become narrower while it was fast, or commands
+    got lost (kernels/boxes.py). No scale lowers J: a slower arm must not brake later. An arm without jerk limits gets RISE times its
     acceleration limits. Raises ArrayError if there are none either.
     """
 
@@ -109,13 +110,13 @@ class JerkLimit(JointLimit):
     @cached_property
     def J(self) -> np.ndarray:
         """The jerk that is allowed, (n,) [rad/s^3], if no command gets lost."""
-        return _SEEN * self.scale * np.array(self._given_jerk)
+        return _SEEN * np.array(self._given_jerk)
 
     def _enter(self, limits: np.ndarray) -> None:
         limits['J'] = self.J
-        limits['A_jerk'] = (
-            _SEEN * self.scale * np.array(self.model.arm.acceleration_limit or np.inf)
-        )
+        A_arm = np.array(self.model.arm.acceleration_limit or np.inf)
+        limits['A_arm'] = A_arm
+        limits['A_jerk'] = _SEEN * self.scale * A_arm
 
 
 @dataclass(frozen=True, eq=False)
