@@ -28,7 +28,7 @@ from redres_ros.types import FLOAT64, JointVelocities
 
 # Rows that are given to the search at once, and those that are then added, or this part of all that
 # are exceeded: its time grows with the square of their number
-_FEW = 8
+_FEW = 10
 _ADDED = 4
 _SHORTEST = 1e-12  # of a row whose excess is measured by its length
 
