@@ -89,8 +89,9 @@ class JerkLimit(JointLimit):
 
     The limits on velocity and position leave each joint the distance that it needs to brake at J.
     So it does not brake harder, unless limits have become narrower while it was fast, or commands
-    got lost (kernels/boxes.py). No scale lowers J: a slower arm must not brake later. An arm without jerk limits gets RISE times its
-    acceleration limits. Raises ArrayError if there are none either.
+    got lost (kernels/boxes.py). No scale lowers J: a slower arm must not brake later. An
+    arm without jerk limits gets RISE times its acceleration limits. Raises ArrayError if there are
+    none either.
     """
 
     order = -1
