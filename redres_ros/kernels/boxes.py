@@ -21,13 +21,14 @@ JOINT_LIMITS = np.dtype(
         ('A', float),  # [rad/s^2]
         ('A_arm', float),  # [rad/s^2] with which a joint may brake where it has to; 0: A
         ('V', float),  # [rad/s]
+        ('V_arm', float),  # [rad/s] that the arm is able to
         ('lower', float, 2),  # [rad]
         ('upper', float, 2),
         ('A_stop', float, 2),  # [rad/s^2] with which the joint stops before these ends
     ]
 )
 NO_LIMITS = np.array(
-    (np.inf, np.inf, np.inf, 0.0, np.inf, (-np.inf,) * 2, (np.inf,) * 2, (np.inf,) * 2),
+    (np.inf, np.inf, np.inf, 0.0, np.inf, np.inf, (-np.inf,) * 2, (np.inf,) * 2, (np.inf,) * 2),
     JOINT_LIMITS,
 )
 
@@ -170,15 +171,13 @@ def _narrowed(lower: float, upper: float, least: float, most: float) -> tuple[fl
 
 @part
 def _widened(
-    lower: float, upper: float, below: float, above: float, v: float, A: float, T: float
+    lower: float, upper: float, least: float, most: float, v: float, A: float, T: float
 ) -> tuple[float, float]:
     """[lower, upper], wider where a joint leaves its range unless it brakes with more, with A.
 
     So it is where limits have become narrower while the joint was fast. v is its last command,
-    `below` and `above` are its distances from the ends.
+    [least, most] are the velocities from which it then stops in time.
     """
-    least = -stopping_speed(below, A, T)
-    most = stopping_speed(above, A, T)
     if most < lower:
         lower = min(lower, max(v - T * A, most, 0.0))
     elif least > upper:
@@ -220,7 +219,7 @@ def fill_boxes(
     boxes (BOXES + 1, 2, n).
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
-    allow. Only where it would leave its range, or exceed V under a limit on the jerk, it brakes as
+    allow. Only where it would leave its range, or be faster than the arm is able to, it brakes as
     hard as the arm is able to, whatever the jerk.
 
     A robot that bridges so many lost commands with constant acceleration sees a jump in the next
@@ -265,6 +264,11 @@ def fill_boxes(
             elif k == VELOCITY and J < np.inf:  # ddq comes to zero before the velocity to V
                 least = v - T * stopping_speed(V + v, J, T)
                 most = v + T * stopping_speed(V - v, J, T)
+                # ... and where it does not, V_arm is kept in the cycles of lost commands, too.
+                fastest = limit.V_arm / (1.0 + lost)
+                bridged = v * lost / (1.0 + lost)
+                least = max(least, bridged - fastest)
+                most = min(most, bridged + fastest)
             elif k == VELOCITY:  # |dq| <= V
                 least = -V
                 most = V
@@ -286,12 +290,16 @@ def fill_boxes(
             is_apart = least > upper + _TOUCHING or most < lower - _TOUCHING
             meet = meet and not is_apart
             if is_apart and k >= POSITION:
-                below = q[i] - limit.lower[end]
-                above = limit.upper[end] - q[i]
-                lower, upper = _widened(lower, upper, below, above, v, limit.A_arm, T)
-            elif is_apart and k == VELOCITY:
-                lower = min(lower, max(v - T * limit.A_arm, limit.V))
-                upper = max(upper, min(v + T * limit.A_arm, -limit.V))
+                A = limit.A_arm
+                slowest = -_speed_to_stop(q[i] - limit.lower[end], A, T, 1.0 + lost)
+                fastest = _speed_to_stop(limit.upper[end] - q[i], A, T, 1.0 + lost)
+                lower, upper = _widened(lower, upper, slowest, fastest, v, A, T)
+                if least > most:  # braking before one end, at J, ends beyond the other one
+                    least = slowest
+                    most = fastest
+            elif is_apart and k == VELOCITY and J < np.inf:
+                lower = min(lower, max(v - T * limit.A_arm, bridged + fastest))
+                upper = max(upper, min(v + T * limit.A_arm, bridged - fastest))
             lower, upper = _narrowed(lower, upper, least, most)
         boxes[BOXES, 0, i] = lower
         boxes[BOXES, 1, i] = upper

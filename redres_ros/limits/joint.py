@@ -89,9 +89,8 @@ class JerkLimit(JointLimit):
 
     The limits on velocity and position leave each joint the distance that it needs to brake at J.
     So it does not brake harder, unless limits have become narrower while it was fast, or commands
-    got lost (kernels/boxes.py). No scale lowers J: a slower arm must not brake later. An
-    arm without jerk limits gets RISE times its acceleration limits. Raises ArrayError if there are
-    none either.
+    got lost (kernels/boxes.py). An arm without jerk limits gets RISE times its acceleration limits.
+    Raises ArrayError if there are none either.
     """
 
     order = -1
@@ -111,7 +110,7 @@ class JerkLimit(JointLimit):
     @cached_property
     def J(self) -> np.ndarray:
         """The jerk that is allowed, (n,) [rad/s^3], if no command gets lost."""
-        return _SEEN * np.array(self._given_jerk)
+        return _SEEN * self.scale * np.array(self._given_jerk)
 
     def _enter(self, limits: np.ndarray) -> None:
         limits['J'] = self.J
@@ -134,6 +133,7 @@ class VelocityLimit(JointLimit):
 
     def _enter(self, limits: np.ndarray) -> None:
         limits['V'] = self.V
+        limits['V_arm'] = self.model.dq_max
 
 
 @dataclass(frozen=True, eq=False)
