@@ -269,34 +269,6 @@ class RobotModel:
         """M(q) ddq + n(q, dq), Eq. (6), without M or n and without check."""
         return pin.rnea(self._model, self._data, q, dq, ddq)  # a copy
 
-    @cached_property
-    def torque_bounds(self) -> tuple[JointTorques, np.ndarray]:
-        """G (n,) [Nm] and H (n,) [kg m^2] with |tau_i| <= G_i + H_i (A + 2 V^2) at every q.
-
-        A is the sum of all |ddq_j|, V that of all |dq_j|. A link turns at V at most, and faster by
-        A + V^2. A point at the distance L along the arm then accelerates by L (A + 2 V^2) at most,
-        and no lever is longer than the arm between. G is infinite with linear joints.
-        """
-        model = self._model
-        G = np.zeros(self.n)
-        H = model.armature.copy()
-        for link in range(1, model.njoints):
-            body = model.inertias[link]
-            levers = np.zeros(self.n)  # from each joint before it to its centre of mass, (n,) [m]
-            length = np.linalg.norm(body.lever)
-            joint = link
-            while joint:
-                i = model.joints[joint].idx_v
-                levers[i] = length
-                H[i] += np.linalg.norm(body.inertia, 2)
-                length += np.linalg.norm(model.jointPlacements[joint].translation)
-                joint = model.parents[joint]
-            G += body.mass * levers * np.linalg.norm(model.gravity.linear)
-            H += body.mass * levers * levers.max()
-        if not all(joint.shortname().startswith('JointModelR') for joint in model.joints[1:]):
-            G[:] = np.inf
-        return G, H
-
     def velocity_product(self, q: JointPositions, dq: JointVelocities) -> Twist:
         """dJ dq: the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
         q = finite_vector(q, self.n, 'q')

@@ -118,25 +118,6 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
 # --- the paper's dynamics -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('name', ARMS)
-def test_no_state_takes_more_torque_than_its_bound(name):
-    model = RobotModel.named(name)
-    G, H = model.torque_bounds
-    for scale in (0.0, 0.1, 1.0, 10.0):
-        for q, dq in random_motion(model.n, 200):
-            ddq = scale * np.roll(q, 1)
-            A = np.abs(ddq).sum()
-            V = np.abs(scale * dq).sum()
-            tau = model.torque(q, scale * dq, ddq)
-            most = G + H * (A + 2.0 * V**2)
-            assert (np.abs(tau) <= (1.0 + 1e-12) * most).all()  # but for rounding
-
-
-def test_linear_joints_have_no_bound_on_torques(tmp_path):
-    arm = written_arm(tmp_path, 'type="revolute"', 'type="prismatic"')
-    assert (RobotModel(arm).torque_bounds[0] == np.inf).all()
-
-
 # --- the identified dynamics ----------------------------------------------------------------------
 
 

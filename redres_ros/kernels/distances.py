@@ -30,7 +30,7 @@ Everything is written in scalars: numba compiles one expression of arrays as lon
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
+from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
 
 BASE = -1  # in place of a joint's index
 
@@ -421,101 +421,6 @@ def _index_of(who: np.ndarray, near: int, one: int, other: int) -> int:
     return -1
 
 
-@direct
-@compiled(
-    float64(
-        *(vector(), vector(), float64, vector(), float64, float64, _VECTOR, _VECTOR, _VECTOR),
-    )
-)
-def brake(
-    q: np.ndarray,
-    dq_prev: np.ndarray,
-    gap: float,
-    A: np.ndarray,
-    T: float,
-    ticks: float,
-    q_ahead: np.ndarray,
-    v: np.ndarray,
-    slope: np.ndarray,
-) -> float:
-    """Write where joints are that have braked for so many ticks, this one included.
-
-    A joint goes on by v, v - A T, v - 2 A T, ..., until less than A T is left. With infinitely many
-    ticks all come to rest. `q_ahead` receives q + s(v), `v` the velocity of braking in this tick,
-    and `slope` S = ds/dv [s], all (n,); `gap` is the number of cycles between two commands.
-
-    Returns:
-        After how many ticks the last joint is at rest.
-    """
-    longest = 0.0
-    for i in range(len(q)):
-        speed = max(abs(dq_prev[i]) - A[i] * T, 0.0)
-        v[i] = speed if dq_prev[i] > 0.0 else -speed
-        stop = np.floor(speed / (A[i] * T)) + 1.0
-        k = min(ticks, stop)
-        path = gap * T * (k * speed - A[i] * T * k * (k - 1.0) / 2.0)
-        q_ahead[i] = q[i] + (path if dq_prev[i] > 0.0 else -path)
-        slope[i] = gap * min(ticks * T, speed / A[i] + T)
-        longest = max(longest, stop)
-    return longest
-
-
-@direct
-@compiled(float64(vector(), float64, vector(), float64, vector()))
-def farthest_path(
-    dq_prev: np.ndarray, gap: float, A: np.ndarray, T: float, max_point_jacobian: np.ndarray
-) -> float:
-    """How far any point may move, at most, if the joints brake after this tick [m]."""
-    path = 0.0
-    for i in range(len(A)):
-        fastest = abs(dq_prev[i]) + A[i] * T
-        path += max_point_jacobian[i] * gap * (fastest + A[i] * T) ** 2 / (2.0 * A[i])
-    return path
-
-
-@compiled(
-    several(_ROWS, _VECTOR, _PAIRS)(
-        *(matrix(), vector(), matrix(int64), vector(), vector()),
-        *(float64, float64, float64, float64),
-    )
-)
-def damper_rows(
-    C: np.ndarray,
-    distance: np.ndarray,
-    who: np.ndarray,
-    dq_prev: np.ndarray,
-    A: np.ndarray,
-    T: float,
-    rate: float,
-    clearance: float,
-    influence: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """C dq <= rate (d - d_s) of all that is nearer than the influence, unless every acceleration
-    within the limits keeps it.
-
-    C dq [m/s] is the speed at which pairs approach, `rate` 1 / t_d [1/s].
-
-    Returns:
-        Rows (j, n), their upper ends (j,), and who approaches whom (j, 2).
-    """
-    r, n = C.shape
-    rows = np.empty((r, n))
-    high = np.empty(r)
-    pairs = np.empty((r, 2), np.int64)
-    count = 0
-    for i in range(r):
-        fastest = 0.0  # in this tick
-        for j in range(n):
-            rows[count, j] = C[i, j]
-            fastest += C[i, j] * dq_prev[j] + abs(C[i, j]) * 2.0 * T * A[j]
-        high[count] = rate * (distance[i] - clearance)
-        pairs[count, 0] = who[i, 0]
-        pairs[count, 1] = who[i, 1]
-        if distance[i] < influence and fastest > high[count]:
-            count += 1
-    return rows[:count], high[:count], pairs[:count]
-
-
 @compiled(
     several(_ROWS, _VECTOR, _PAIRS)(
         *(matrix(), vector(), matrix(int64), vector(), matrix(int64)),
@@ -541,11 +446,10 @@ def braking_rows(
     """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless every acceleration within
     the limits keeps it.
 
-    ClearanceLimit says what these are, `brake` has v and S. `lever` is the largest element of
-    max_point_jacobian.
+    DistanceLimit says what these are. `lever` is the largest element of max_point_jacobian.
 
     Returns:
-        As damper_rows().
+        Rows (j, n), their upper ends (j,), and who approaches whom (j, 2).
     """
     r, n = C.shape
     rows = np.empty((r, n))

@@ -38,18 +38,6 @@ def largest(x: np.ndarray) -> float:
 
 
 @direct
-@compiled(float64(vector(), vector(), float64))
-def agitation(dq: np.ndarray, dq_prev: np.ndarray, T: float) -> float:
-    """A + 2 V^2 [rad/s^2]: V is the sum of all |dq_prev|, A that of all |dq - dq_prev| / T."""
-    A = 0.0
-    V = 0.0
-    for i in range(len(dq)):
-        A += abs(dq[i] - dq_prev[i]) / T
-        V += abs(dq_prev[i])
-    return A + 2.0 * V * V
-
-
-@direct
 @compiled((vector(), vector(), float64, _VECTOR))
 def differentiate(x: np.ndarray, x_prev: np.ndarray, T: float, dx: np.ndarray) -> None:
     """Write (x - x_prev) / T, as of Eq. (13), into dx."""

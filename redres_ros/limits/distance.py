@@ -206,16 +206,21 @@ class DistanceLimit(BrakingLimit):
         kernels = _kernels()
         gap = state.tick.gap
         half = 0.5 * T * gap * state.dq_prev
-        farthest = kernels.farthest_path(state.dq_prev, gap, self.A, T, self._max_point_jacobian)
+        # How far any point may move, at most, if the joints brake after this tick.
+        paths = (np.abs(state.dq_prev) + 2.0 * self.A * T) ** 2 / (2.0 * self.A)
+        farthest = gap * float(self._max_point_jacobian.dot(paths))
         reach = max(self.influence, self.clearance + farthest) + farthest
         C, at_half, who = self.approaches(state.q + half, reach)
         distance = at_half + C.dot(half)
-        own = (self.scale / _TIME, self.clearance)
-        damper = (state.dq_prev, self.A, T, *own, self.influence)
-        found = [kernels.damper_rows(C, distance, who, *damper)]
+        rate = self.scale / _TIME
+        high = rate * (distance - self.clearance)
+        fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)
+        is_damped = (distance < self.influence) & (fastest > high)
+        found = [(C[is_damped], high[is_damped], who[is_damped])]
         if distance.min(initial=np.inf) <= self.clearance + farthest:
             for place in self._nearest_places(state, T):
-                braking = (place.v, place.slope, self.A, T, gap, place.ticks, *own, self._lever)
+                own = (rate, self.clearance, self._lever)
+                braking = (place.v, place.slope, self.A, T, gap, place.ticks, *own)
                 found.append(kernels.braking_rows(*place.near, distance, who, *braking))
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
@@ -260,12 +265,20 @@ class DistanceLimit(BrakingLimit):
     def _braked(self, state: ReferenceState, T: Seconds, ticks: float) -> _Place:
         """Where the arm is that has braked for so many ticks, this one included; infinity: at
         rest.
+
+        A joint goes on by v, v - A T, v - 2 A T, ..., until less than A T is left.
         """
-        q, v, slope = np.empty((3, len(state.q)))
-        moving = (state.q, state.dq_prev, state.tick.gap, self.A, T)
-        longest = _kernels().brake(*moving, ticks, q, v, slope)
-        near = self.approaches(q, self.clearance + self._change(slope, state, T))
-        return _Place(v, slope, min(ticks, longest), near)
+        gap = state.tick.gap
+        speed = np.maximum(np.abs(state.dq_prev) - self.A * T, 0.0)
+        longest = np.floor(speed / (self.A * T)) + 1.0
+        k = np.minimum(ticks, longest)
+        path = gap * T * (k * speed - self.A * T * k * (k - 1.0) / 2.0)
+        sides = np.sign(state.dq_prev)
+        slope = gap * np.minimum(ticks * T, speed / self.A + T)
+        near = self.approaches(
+            state.q + sides * path, self.clearance + self._change(slope, state, T)
+        )
+        return _Place(sides * speed, slope, min(ticks, float(longest.max())), near)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, END_SPEED, JERK, POSITION, VELOCITY, within
-from redres_ros.kernels.tick import agitation, differentiate
+from redres_ros.kernels.tick import differentiate
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import param
 from redres_ros.solver import Rows
@@ -29,7 +29,6 @@ _GENTLER = 0.7
 _CYCLE = 1e-3  # [s] of robots that limit velocities by position: they judge a joint one step ahead
 _TOLERANCE = 1e-3  # [rad/s] below their limits, as libfranka's rate limiter
 
-_NO_INERTIA = 1e-12  # [kg m^2], of links without mass: only keeps a division finite
 _RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
@@ -247,15 +246,7 @@ class TorqueLimit(Limit):
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
         return C, self._tau_min - rest, self.tau_max - rest
 
-    @cached_property
-    def _gentle(self) -> float:
-        """The A + 2 V^2 up to which no torque exceeds its limit, wherever the arm is [rad/s^2]."""
-        G, H = self.model.torque_bounds
-        return float(np.min((self.tau_max - G) / np.maximum(H, _NO_INERTIA)))
-
     def is_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
-        if agitation(dq, state.dq_prev, T) < self._gentle:  # in a sixth of the time of what follows
-            return True
         ddq = np.empty(len(dq))
         differentiate(dq, state.dq_prev, T, ddq)  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
