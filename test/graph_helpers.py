@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from operator import itemgetter
@@ -13,7 +13,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
-from messages import to_twist
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
@@ -27,7 +26,13 @@ from std_srvs.srv import Trigger
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
 from redres_ros.graph.monitor import Sample, Sampler
-from redres_ros.nodes.conversions import deserialised, stamp_of, to_nanoseconds, to_time
+from redres_ros.nodes.conversions import (
+    deserialised,
+    stamp_of,
+    to_joint_state,
+    to_nanoseconds,
+    to_twist,
+)
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import LATCHED, MODE, SESSION
 from redres_ros.planning.waypoints import load_task
@@ -308,13 +313,6 @@ def _around(at: int, words: list[tuple[int, str]]) -> set[str]:
     before = [word for sent, word in words if sent <= at - LATE][-1:]
     near = [word for sent, word in words if abs(sent - at) <= LATE]
     return {*before, *near}
-
-
-def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
-    """A state of a robot, or a command for it, (n,) each."""
-    message = JointState(name=list(names), position=q.tolist(), velocity=dq.tolist())
-    message.header.stamp = to_time(stamp)
-    return message
 
 
 def speed(before: State, now: State) -> float:

@@ -18,7 +18,6 @@ from typing import Protocol
 from unittest import mock
 
 import numpy as np
-from graph_helpers import to_joint_state
 from own_ros import ros
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
@@ -29,6 +28,7 @@ from std_msgs.msg import Float64MultiArray, String
 from virtual_graph import Graph, VirtualTime, _Wired
 
 from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.robots.joint_limits import JointLimits
 

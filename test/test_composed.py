@@ -12,9 +12,9 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 import rclpy
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import PATIENCE, START, Observer, await_that, graph
-from messages import to_twist
 from own_ros import ros
 
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.runtime import Spinner
 from redres_ros.nodes.topics import PUBLISH
 

@@ -10,12 +10,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from messages import to_twist
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import changed, delayed, intermittent, off, reordered, slow, stuck
 
 from redres_ros import RobotModel
 from redres_ros.loop.modes import Mode
+from redres_ros.nodes.conversions import to_twist
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,6 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from lifecycle_msgs.msg import Transition
-from messages import to_twist
 from nightly import by_day
 from reference_judge import ReferenceJudge, judge_graph
 from test_contact_nodes import FORCE, ON, force, mode, table_below
@@ -24,7 +23,7 @@ from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import CHANNELS, FAULTS, WRENCH, Channel, make_fault
 
 from redres_ros.loop.modes import Mode
-from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

@@ -22,19 +22,17 @@ from graph_helpers import (
     NAMES,
     PERIOD,
     START,
-    to_joint_state,
 )
 from nightly import NIGHTLY
 from own_ros import ros
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import to_nanoseconds
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 from redres_ros.robots import find_arm
@@ -118,15 +116,12 @@ VALUES = (
 class Recorder:
     """In the place of a publisher: keeps the numbers of everything that is published."""
 
-    def __init__(self, owner: Any, attribute: str, kind: type) -> None:
+    def __init__(self, owner: Any, attribute: str) -> None:
         assert hasattr(owner, attribute)
         self.sent: list[tuple[int, list[float]]] = []
-        self._kind = kind
         setattr(owner, attribute, self)
 
-    def publish(self, message: bytes | JointState | TwistStamped) -> None:
-        if isinstance(message, bytes):
-            message = deserialize_message(message, self._kind)
+    def publish(self, message: JointState | TwistStamped) -> None:
         if isinstance(message, JointState):
             content = [*message.position, *message.velocity]
         else:
@@ -181,7 +176,7 @@ class TestCallbacks:
     def test_whatever_the_controller_receives_its_commands_are_finite_and_it_goes_on(
         self, controller, events
     ):
-        recorder = Recorder(controller, '_command_publisher', JointState)
+        recorder = Recorder(controller, '_command_publisher')
         for event in events:
             match event:
                 case JointState():
@@ -208,7 +203,7 @@ class TestCallbacks:
     def test_whatever_the_planner_receives_its_task_velocities_are_finite_and_bounded(
         self, planner, events
     ):
-        recorder = Recorder(planner, '_twist_publisher', TwistStamped)
+        recorder = Recorder(planner, '_twist_publisher')
         for event in events:
             match event:
                 case JointState():
@@ -237,7 +232,7 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_receives_its_arm_keeps_the_limits(self, sim, events):
-        recorder = Recorder(sim, '_state_publisher', JointState)
+        recorder = Recorder(sim, '_state_publisher')
         robot = sim._robot
         before = robot.reference
         for event in events:

@@ -12,8 +12,6 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from graph_helpers import to_joint_state
-from messages import to_twist
 from nightly import NIGHTLY
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -21,7 +19,7 @@ from std_msgs.msg import Float64, String
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros.laws import LAWS
-from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.conversions import to_joint_state, to_pose, to_twist
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits

@@ -9,14 +9,14 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped
-from graph_helpers import START, to_joint_state
+from graph_helpers import START
 from lifecycle_msgs.msg import Transition
-from messages import to_twist
 from own_ros import ros
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 from virtual_graph import VirtualRun, virtual_run
 
+from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 

@@ -18,13 +18,13 @@ from nightly import by_day
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from lifecycle_msgs.msg import Transition
-from messages import to_twist
 from reference_judge import ReferenceJudge, judge_graph
 from stand_in import Habits, StandIn, behind_ros2_control
 from virtual_graph import Fault, Graph, VirtualRun, virtual_run
 from wire_faults import lossy, off
 
 from redres_ros.files.installation import share_path
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.diagnostics import ERROR
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm

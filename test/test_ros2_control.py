@@ -14,7 +14,6 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from messages import to_twist
 from nightly import NIGHTLY, by_day
 from reference_judge import ReferenceJudge, judge_graph
 from stand_in import COMMANDS, PARAMETERS, Habits, StandIn, behind_ros2_control
@@ -23,7 +22,7 @@ from virtual_graph import Graph
 from wire_faults import off
 
 from redres_ros.files.installation import share_path
-from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits

@@ -12,10 +12,9 @@ from nightly import by_day
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped
-from messages import to_twist
 from virtual_graph import VirtualRun, virtual_run
 
-from redres_ros.nodes.conversions import to_nanoseconds
+from redres_ros.nodes.conversions import to_nanoseconds, to_twist
 from redres_ros.robot_model import RobotModel
 
 PAGES = Path(__file__).parents[1] / 'docs' / 'tutorials'

@@ -11,13 +11,12 @@ from nightly import by_day
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from builtin_interfaces.msg import Time
-from messages import to_twist
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import changed, late, off
 
-from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.planning.task_executor import TaskState
 
 pytestmark = pytest.mark.slow

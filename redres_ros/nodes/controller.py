@@ -24,11 +24,9 @@ from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
-    JointSample,
-    JointStateReader,
-    JointStateWriter,
     TwistTransformer,
-    read_twist,
+    from_twist,
+    to_joint_state,
     to_nanoseconds,
 )
 from redres_ros.nodes.diagnostics import (
@@ -119,9 +117,7 @@ class ControllerNode(ManagedNode):
         self._loop.deactivate()
         frame = settings.base_frame or model.base_frame
         self._transformer = TwistTransformer(model, frame)
-        self._states = JointStateReader()
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
-        self._writer = JointStateWriter(model.joint_names)
         self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
         self._forwarding: Forwarding | None = None
         if self._controller.robot_interface.forwards_commands:
@@ -140,8 +136,8 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _listen(self) -> None:
-        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
-        self._take('cartesian_velocity', TwistStamped, self._enter_twist, raw=True)
+        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
@@ -150,34 +146,29 @@ class ControllerNode(ManagedNode):
         if self._controller.robot_interface.patience:
             self.create_timer(_LOOK, self._respond_if_due, clock=STEADY)
 
-    def _take(self, topic: str, kind: type, enter: _Enter, *, raw: bool = False) -> None:
+    def _take(self, topic: str, kind: type, enter: _Enter) -> None:
         """Subscribe to task velocities or joint velocities."""
-        receive = partial(self._respond, topic, enter)
-        self.create_subscription(kind, topic, receive, RECENT, raw=raw)
+        self.create_subscription(kind, topic, partial(self._respond, topic, enter), RECENT)
 
-    def _on_state(self, message: JointState | bytes) -> None:
-        try:
-            sample = self._states.read(message)
-        except RedresError as error:
-            self._inputs.refuse('joint_states', error)
-            return
-        if self._joints.concerns(sample):
+    def _on_state(self, message: JointState) -> None:
+        if self._joints.concerns(message):
             if self._sensors.from_effort:
                 self._sensors.enter_effort(message)
-            self._respond('joint_states', self._enter_state, sample)
+            self._respond('joint_states', self._enter_state, message)
             self._watchdog.feed()
 
-    def _enter_state(self, sample: JointSample) -> Response | None:
-        q = self._joints.positions(sample)
+    def _enter_state(self, message: JointState) -> Response | None:
+        q = self._joints.positions(message)
         if self._forwarding:
             self._loop.set_connected(not self._forwarding.is_pending)
-        return self._loop.step(sample.stamp, q, time.monotonic())
+        return self._loop.step(to_nanoseconds(message.header.stamp), q, time.monotonic())
 
-    def _enter_twist(self, message: TwistStamped | bytes) -> Response | None:
-        stamp, frame, dx = read_twist(message)
+    def _enter_twist(self, message: TwistStamped) -> Response | None:
+        stamp = to_nanoseconds(message.header.stamp)
+        dx = from_twist(message)
         check_finite(dx, 'cartesian_velocity')
         if self._loop.q is not None:
-            dx = self._transformer.to_base(dx, frame, self._loop.q)
+            dx = self._transformer.to_base(dx, message.header.frame_id, self._loop.q)
         return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
@@ -210,8 +201,8 @@ class ControllerNode(ManagedNode):
         # The planner is to know of another scaling before the state after this one.
         self._telemetry.publish_change(response.scaling)
         command = response.command
-        written = self._writer.written(response.stamp, command.q_ref, command.dq)
-        self._command_publisher.publish(written)
+        message = to_joint_state(response.stamp, self._joints.names, command.q_ref, command.dq)
+        self._command_publisher.publish(message)
         if self._forwarding:
             self._forwarding.publish(command.q_ref)
         self._loop.note_sent(time.monotonic())

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.nodes.conversions import JointMapper, deserialised, to_nanoseconds
+from redres_ros.nodes.conversions import JointMapper, from_wrench, to_nanoseconds
 from redres_ros.nodes.diagnostics import InputMonitor
 from redres_ros.nodes.parameters import declare, with_changes
 from redres_ros.nodes.topics import NEWEST, PUBLISH, STEADY
@@ -97,14 +97,12 @@ class Sensors:
                 self.from_effort = True
                 self._subscribe(name, JointState, self._on_torques)
 
-    def enter_effort(self, message: Any) -> None:
-        """Take a JointState's efforts, serialised or not, after a response."""
+    def enter_effort(self, message: JointState) -> None:
+        """Take the efforts of a state, after a response."""
         response = self._loop.newest_response
         if response is None:
             return
         with self._judged(_TORQUES):
-            if isinstance(message, bytes):
-                message = deserialised(message, JointState)
             efforts = self._joints.in_order(message.name, message.effort, 'efforts')
             self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
@@ -114,12 +112,10 @@ class Sensors:
             self._node.create_subscription(kind, topic, receive, NEWEST)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        force = message.wrench.force
-        torque = message.wrench.torque
-        wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
         with self._judged('wrench'):
             stamp = to_nanoseconds(message.header.stamp)
             frame = message.header.frame_id
+            wrench = from_wrench(message.wrench)
             self._loop.measurements.enter_wrench(stamp, wrench, frame, time.time_ns())
 
     def _on_torques(self, message: JointState) -> None:

@@ -1,20 +1,14 @@
-"""Messages to arrays and back. Those of the loop are read and written as they go over the wire.
-
-Between the wire and a callback, rclpy makes a Python object of every field, and reads every field
-when it publishes one. For a JointState and a TwistStamped that takes 10 to 20 us, as long as the
-whole tick; here it takes one or two. The encoding is CDR: numbers are aligned to their size,
-counted from the end of a header of 4 bytes.
-"""
+"""Messages to arrays and back."""
 
 import math
 import struct
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TwistStamped
-from rclpy.serialization import deserialize_message, serialize_message
+from geometry_msgs.msg import PoseStamped, TwistStamped, Wrench
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError, one_line
@@ -32,19 +26,11 @@ from redres_ros.types import (
     Twist,
 )
 
-_LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
-_STAMP_END = _STAMP.size  # [bytes]
-_TIME = struct.Struct('<iI')  # the same without the header
-_HEADER = 4  # bytes, which do not count for the alignment
-_LENGTH = struct.Struct('<I')  # of a text with its 0 at the end, or of a sequence
-_NUMBER = 8  # bytes
-_LAYOUTS = 16  # that are kept: of as many devices as share a topic
-_NAMES = 100  # sets of joint names that are kept
 
 
 class EncodingError(RedresError):
-    """Bytes that are no message of the type that they came as."""
+    """Bytes that are no message of the type that they came as, or a stamp that is no time."""
 
 
 class _FrameError(RedresError):
@@ -55,148 +41,46 @@ class _LengthError(ArrayError):
     """The number of values is not the number of joints."""
 
 
-class JointSample(NamedTuple):
-    """Content of a JointState: the names, and a position for each."""
-
-    stamp: Nanoseconds
-    name: Sequence[str]
-    position: Sequence[float] | np.ndarray
-
-
-class _Layout(NamedTuple):
-    """All between the stamp and the positions; it is the same in every message of one device."""
-
-    content: bytes
-    name: tuple[str, ...]
-    begin: int  # of the positions
-    end: int
+def to_joint_state(
+    stamp: Nanoseconds,
+    names: Sequence[str],
+    q: JointPositions | None = None,
+    dq: JointVelocities | None = None,
+    effort: JointTorques | None = None,
+) -> JointState:
+    """A state of the named joints, or a command for them; what is not given stays empty."""
+    values = {'position': q, 'velocity': dq, 'effort': effort}
+    given = {name: array.tolist() for name, array in values.items() if array is not None}
+    message = JointState(name=names, **given)
+    message.header.stamp = to_time(stamp)
+    return message
 
 
-class JointStateReader:
-    """Reads JointStates, serialised or not.
-
-    The first one of a device is read by rclpy. Of the next ones only stamp and positions are read,
-    as long as the names are the same.
-    """
-
-    def __init__(self) -> None:
-        self._layouts: list[_Layout] = []
-
-    def read(self, message: Any) -> JointSample:
-        """What the loop needs of a message. Raises EncodingError for bytes that are none."""
-        if not isinstance(message, bytes):
-            return _to_sample(message)
-        for layout in self._layouts:
-            if message.startswith(layout.content, _STAMP_END):
-                own = message[layout.begin : layout.end]  # in the message they are not aligned
-                if layout.end > len(message):
-                    raise EncodingError(f'a JointState of {len(message)} bytes; expected more')
-                return JointSample(stamp_of(message), layout.name, np.frombuffer(own))
-        return self._learn(message)
-
-    def _learn(self, data: bytes) -> JointSample:
-        message = deserialised(data, JointState)
-        layout = _layout(message, data)
-        is_as_expected = (
-            data.startswith(_LITTLE_ENDIAN)
-            and len(message.position) == len(message.name) > 0
-            and data.startswith(message.position.tobytes(), layout.begin)
-        )
-        if is_as_expected:
-            self._layouts.insert(0, layout)
-            del self._layouts[_LAYOUTS:]
-        return _to_sample(message)
+def to_twist(stamp: Nanoseconds, frame: str, dx: TaskVelocity) -> TwistStamped:
+    """A task velocity of 3 or 6 rows in the axes of a frame, as a message."""
+    message = TwistStamped()
+    message.header.stamp = to_time(stamp)
+    message.header.frame_id = frame
+    linear = message.twist.linear
+    angular = message.twist.angular
+    linear.x, linear.y, linear.z = dx[:3].tolist()
+    if len(dx) > 3:
+        angular.x, angular.y, angular.z = dx[3:].tolist()
+    return message
 
 
-def _to_sample(message: JointState) -> JointSample:
-    return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
+def from_twist(message: TwistStamped) -> Twist:
+    """The velocity in a message."""
+    linear = message.twist.linear
+    angular = message.twist.angular
+    return np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
 
 
-def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
-    """How a message begins after its stamp, in the bytes that go over the wire."""
-    sizes = [len(text.encode()) + 1 for text in (message.header.frame_id, *message.name)]
-    sizes.insert(1, 0)  # the number of names has no content, and neither has that of positions
-    sizes.append(0)
-    end = _STAMP_END
-    for size in sizes:
-        end += _gap(end, _LENGTH.size) + _LENGTH.size + size
-    begin = end + _gap(end, _NUMBER)
-    names = tuple(message.name)
-    return _Layout(bytes(data[_STAMP_END:end]), names, begin, begin + len(names) * _NUMBER)
-
-
-def _gap(place: int, size: int) -> int:
-    """Bytes between a place and the next one for a number of that size."""
-    return (_HEADER - place) % size
-
-
-def read_twist(message: Any) -> tuple[Nanoseconds, str, Twist]:
-    """Stamp, frame and velocity of a TwistStamped, serialised or not. Raises EncodingError."""
-    if isinstance(message, bytes) and not message.startswith(_LITTLE_ENDIAN):
-        message = deserialised(message, TwistStamped)
-    if not isinstance(message, bytes):
-        linear = message.twist.linear
-        angular = message.twist.angular
-        dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-        return to_nanoseconds(message.header.stamp), message.header.frame_id, dx
-    try:
-        stamp = stamp_of(message)
-        (length,) = _LENGTH.unpack_from(message, _STAMP_END)
-        begin = _STAMP_END + _LENGTH.size
-        end = begin + length
-        frame = message[begin : end - 1].decode()
-        dx = np.frombuffer(message, np.float64, 6, end + _gap(end, _NUMBER)).copy()
-    except (struct.error, ValueError):
-        raise EncodingError(f'a TwistStamped of {len(message)} bytes; expected others') from None
-    return stamp, frame, dx
-
-
-class JointStateWriter:
-    """One serialised JointState of the named joints that is filled again for every message."""
-
-    def __init__(self, names: Sequence[str], *, with_effort: bool = False) -> None:
-        n = len(names)
-        zeros = [0.0] * n
-        efforts = zeros if with_effort else []
-        message = JointState(name=list(names), position=zeros, velocity=zeros, effort=efforts)
-        self._data = bytearray(serialize_message(message))
-        self._values = struct.Struct(f'<{n}d')
-        self._begin = _layout(message, self._data).begin  # of the positions
-        # from one array to the next; the length in between is aligned as a number
-        self._step = self._values.size + _NUMBER
-
-    def written(
-        self,
-        stamp: Nanoseconds,
-        q: JointPositions,
-        dq: JointVelocities,
-        effort: JointTorques | None = None,
-    ) -> bytes:
-        """The message with these values."""
-        data = self._data
-        _TIME.pack_into(data, _HEADER, *divmod(stamp, NANOSECONDS))
-        self._values.pack_into(data, self._begin, *q.tolist())
-        self._values.pack_into(data, self._begin + self._step, *dq.tolist())
-        if effort is not None:
-            self._values.pack_into(data, self._begin + 2 * self._step, *effort.tolist())
-        return bytes(data)
-
-
-class TwistWriter:
-    """One serialised TwistStamped, along the axes of a frame, filled again for every message."""
-
-    def __init__(self, frame: str) -> None:
-        message = TwistStamped()
-        message.header.frame_id = frame
-        self._data = bytearray(serialize_message(message))
-        self._dx = np.frombuffer(self._data, np.float64, 6, len(self._data) - 6 * _NUMBER)
-
-    def written(self, stamp: Nanoseconds, dx: TaskVelocity) -> bytes:
-        """The message with these values."""
-        _TIME.pack_into(self._data, _HEADER, *divmod(stamp, NANOSECONDS))
-        self._dx[: len(dx)] = dx
-        self._dx[len(dx) :] = 0.0
-        return bytes(self._data)
+def from_wrench(message: Wrench) -> Twist:
+    """Force and moment in a message, (6,)."""
+    force = message.force
+    torque = message.torque
+    return np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
 
 
 def deserialised(data: bytes, kind: Any) -> Any:
@@ -208,19 +92,16 @@ def deserialised(data: bytes, kind: Any) -> Any:
 
 
 def stamp_of(data: bytes) -> Nanoseconds:
-    """Stamp of a serialised message that has a header. Raises EncodingError."""
-    return _joined(*_STAMP.unpack_from(data))
+    """Stamp of a serialised message that has a header."""
+    seconds, nanoseconds = _STAMP.unpack_from(data)
+    return int(seconds * NANOSECONDS + nanoseconds)
 
 
 def to_nanoseconds(stamp: Time) -> Nanoseconds:
     """A stamp from a message. Raises EncodingError."""
-    return _joined(stamp.sec, stamp.nanosec)
-
-
-def _joined(seconds: int, nanoseconds: int) -> Nanoseconds:
-    if nanoseconds >= NANOSECONDS:
-        raise EncodingError(f'a stamp with {nanoseconds} ns in nanosec; allowed: below 1e9')
-    return seconds * NANOSECONDS + nanoseconds
+    if stamp.nanosec >= NANOSECONDS:
+        raise EncodingError(f'a stamp with {stamp.nanosec} ns in nanosec; allowed: below 1e9')
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
 def to_time(stamp: Nanoseconds) -> Time:
@@ -237,23 +118,21 @@ class JointMapper:
     def __init__(self, names: Sequence[str], report: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
         self._report = report
-        # Places of our joints among the names that came; None: as ours.
-        self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
-        self._foreign: set[tuple[str, ...]] = set()  # sets of names without any of ours
+        self._reported: set[tuple[str, ...]] = set()
 
-    def concerns(self, message: JointState | JointSample) -> bool:
+    def concerns(self, message: JointState) -> bool:
         """Whether a message names any of the arm's joints; one of another device need not."""
         names = tuple(message.name)
-        if names in self._foreign:
-            return False
-        if names in self._orders or not names or set(names) & set(self.names):
+        if names == self.names:
             return True
-        if len(self._foreign) < _NAMES:
-            self._foreign.add(names)
-            self._report_foreign(names)
-        return False
+        foreign = tuple(name for name in names if name not in self.names)
+        if foreign and self._report and foreign not in self._reported:
+            self._reported.add(foreign)
+            listed = one_line(', '.join(foreign))
+            self._report(f'joint_states: ignoring {listed}, not of this arm')
+        return not names or len(foreign) < len(names)
 
-    def positions(self, message: JointState | JointSample) -> JointPositions:
+    def positions(self, message: JointState) -> JointPositions:
         """q in our order; raises as in_order() does."""
         return self.in_order(message.name, message.position, 'positions')
 
@@ -261,36 +140,21 @@ class JointMapper:
         """dq in our order; raises as in_order() does."""
         return self.in_order(message.name, message.velocity, 'velocities')
 
-    def in_order(
-        self, names: Sequence[str], given: Sequence[float] | np.ndarray, what: str
-    ) -> np.ndarray:
+    def in_order(self, names: Sequence[str], given: Sequence[float], what: str) -> np.ndarray:
         """A value of each of our joints, (n,), which need not be finite.
 
         Raises JointNamesError for a joint that is missing or named twice, and _LengthError unless
         there is one value for each name.
         """
-        key = tuple(names)
-        order = self._orders[key] if key in self._orders else self._learn(key)
+        is_ours = tuple(names) == self.names
+        if not is_ours and any(names.count(name) != 1 for name in self.names):
+            raise JointNamesError(names, self.names)
         if len(given) != len(names):
             raise _LengthError(
                 f'{len(given)} {what} for {len(names)} joints; expected one value per joint'
             )
-        values = given if isinstance(given, np.ndarray) else np.array(given)
-        return values if order is None else values[order]
-
-    def _learn(self, names: tuple[str, ...]) -> np.ndarray:
-        """The places of our joints among the names, (n,)."""
-        if any(names.count(name) != 1 for name in self.names):
-            raise JointNamesError(names, self.names)
-        self._report_foreign([name for name in names if name not in self.names])
-        order = np.array([names.index(name) for name in self.names])
-        if len(self._orders) < _NAMES:
-            self._orders[names] = order
-        return order
-
-    def _report_foreign(self, others: Sequence[str]) -> None:
-        if others and self._report:
-            self._report(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
+        values = np.array(given)
+        return values if is_ours else values[[names.index(name) for name in self.names]]
 
 
 class TwistTransformer:

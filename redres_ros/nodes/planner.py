@@ -16,14 +16,12 @@ from redres_ros.errors import RedresError, one_line
 from redres_ros.nodes import topics
 from redres_ros.nodes.conversions import (
     JointMapper,
-    JointSample,
-    JointStateReader,
-    JointStateWriter,
-    TwistWriter,
     from_pose,
+    to_joint_state,
     to_nanoseconds,
     to_pose,
     to_time,
+    to_twist,
 )
 from redres_ros.nodes.diagnostics import (
     ERROR,
@@ -79,9 +77,6 @@ class PlannerNode(ManagedNode):
         self._autostart = goals.autostart
         self._goals = Goals(self._model, self._task, goals, settings.task_space)
         self._frame = settings.base_frame or self._model.base_frame
-        self._states = JointStateReader()
-        self._twists = TwistWriter(self._frame)
-        self._joint_velocities = JointStateWriter(self._model.joint_names)
         self._joints = JointMapper(self._model.joint_names, self.get_logger().info)
         self._T = 1.0 / settings.rate
         unachieved = UnachievedVelocity(self._model, settings.task_space, self._T, END_OF_REACH)
@@ -111,7 +106,7 @@ class PlannerNode(ManagedNode):
         self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         subscribe = self.create_subscription
-        subscribe(JointState, 'joint_states', self._on_state, topics.RECENT, raw=True)
+        subscribe(JointState, 'joint_states', self._on_state, topics.RECENT)
         subscribe(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
         subscribe(String, topics.MODE, self._on_mode, LATCHED)
         subscribe(String, topics.ACTIVE_LIMITS, self._on_limits, NEWEST)
@@ -123,24 +118,21 @@ class PlannerNode(ManagedNode):
 
     # --- states -----------------------------------------------------------------------------------
 
-    def _on_state(self, message: JointState | bytes) -> None:
-        if not self.configured:
+    def _on_state(self, message: JointState) -> None:
+        if not (self.configured and self._joints.concerns(message)):
             return
+        self._watchdog.feed()
         try:
-            sample = self._states.read(message)
-            if not self._joints.concerns(sample):
-                return
-            self._watchdog.feed()
-            self._enter_state(sample)
+            self._enter_state(message)
         except RedresError as error:
             self._inputs.refuse('joint_states', error)
             return
         self._inputs.accept('joint_states')
         self._publish_state()
 
-    def _enter_state(self, sample: JointSample) -> None:
-        stamp = sample.stamp
-        q = self._joints.positions(sample)
+    def _enter_state(self, message: JointState) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        q = self._joints.positions(message)
         x, R = self._model.tip(q)
         self._q = q
         if self._markers.wants(stamp):
@@ -150,9 +142,9 @@ class PlannerNode(ManagedNode):
         if step is None:
             return
         if step.dq is not None:
-            self._joint_publisher.publish(self._joint_velocities.written(step.stamp, q, step.dq))
+            self._joint_publisher.publish(to_joint_state(stamp, self._joints.names, q, step.dq))
         if step.dx is not None:
-            self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
+            self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
         if self._telemetry.subscribed:
             self._publish_reference(step, R)
 
@@ -325,7 +317,7 @@ class WaitingPlannerNode(PlannerNode):
     for this state acts in the next cycle, so there is time.
     """
 
-    def _on_state(self, message: JointState | bytes) -> None:
+    def _on_state(self, message: JointState) -> None:
         if not self._settings.lockstep:
             time.sleep(_HEADSTART * self._T)
         super()._on_state(message)

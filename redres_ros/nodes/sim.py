@@ -21,13 +21,7 @@ from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.scene import touched
-from redres_ros.nodes.conversions import (
-    EncodingError,
-    JointStateReader,
-    JointStateWriter,
-    stamp_of,
-    to_time,
-)
+from redres_ros.nodes.conversions import EncodingError, to_joint_state, to_nanoseconds, to_time
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
@@ -124,11 +118,9 @@ class SimNode(ManagedNode):
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / settings.rate))
         timed = not settings.lockstep
         self._receiver = CommandReceiver(self._robot, self._robot_clock, timed=timed)
-        self._states = NetworkModel[bytes]('states')
+        self._states = NetworkModel[JointState]('states')
         self._set_links()
-        self._writer = JointStateWriter(plant.joint_names, with_effort=plant.effort is not None)
-        self._newest = self._written(0)  # of the published states
-        self._reader = JointStateReader()
+        self._newest = JointState()  # of the published states
         self._arrival = threading.Event()  # of a command
         self._refusals = InputMonitor(self)
         self._reported_refusal: CommandError | None = None
@@ -148,7 +140,7 @@ class SimNode(ManagedNode):
         self._publish_session()
         description_publisher = self.create_publisher(String, 'robot_description', LATCHED)
         description_publisher.publish(String(data=description))
-        self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
+        self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         show_obstacles(self, base_frame, touched, 'contact')
         self.create_timer(_LOOK, self._look, clock=STEADY)
@@ -209,15 +201,14 @@ class SimNode(ManagedNode):
         # Before the state, so that a controller has them when it responds.
         self._telemetry.publish('wrench', lambda: self._wrench(stamp))
         self._telemetry.publish('external_torques', lambda: self._external_torques(stamp))
-        self._states.send(self._written(stamp), tick)
+        plant = self._plant
+        names = plant.joint_names
+        state = to_joint_state(stamp, names, plant.q, plant.dq, plant.true.effort)
+        self._states.send(state, tick)
         if self.active:
             for arriving in self._states.receive(tick):
                 self._state_publisher.publish(arriving)
-                self._newest = max(self._newest, arriving, key=stamp_of)
-
-    def _written(self, stamp: Nanoseconds) -> bytes:
-        plant = self._plant
-        return self._writer.written(stamp, plant.q, plant.dq, plant.true.effort)
+                self._newest = max(self._newest, arriving, key=_stamp)
 
     def _wrench(self, stamp: Nanoseconds) -> WrenchStamped | None:
         measured = self._plant.wrench
@@ -232,10 +223,8 @@ class SimNode(ManagedNode):
         return message
 
     def _external_torques(self, stamp: Nanoseconds) -> JointState:
-        torques = self._plant.true.external_torques.tolist()
-        message = JointState(name=list(self._plant.joint_names), effort=torques)
-        message.header.stamp = to_time(stamp)
-        return message
+        torques = self._plant.true.external_torques
+        return to_joint_state(stamp, self._plant.joint_names, effort=torques)
 
     def _keep_time(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
@@ -259,17 +248,17 @@ class SimNode(ManagedNode):
     @property
     def _awaits_command(self) -> bool:
         """Whether a published state, not lost or delayed by a fault, has no response."""
-        return self._receiver.newest < stamp_of(self._newest)
+        return self._receiver.newest < _stamp(self._newest)
 
-    def _on_command(self, message: JointState | bytes) -> None:
+    def _on_command(self, message: JointState) -> None:
         if not self.active:
             return
         try:
-            sample = self._reader.read(message)
+            stamp = _stamp(message)
         except EncodingError as error:
             self._refusals.refuse('joint_command', error)
             return
-        self._receiver.put(sample.stamp, sample.name, np.array(sample.position))
+        self._receiver.put(stamp, message.name, np.array(message.position))
         self._client_lives = True
         self._arrival.set()
 
@@ -321,6 +310,10 @@ class SimNode(ManagedNode):
             connection = f'connection {session.quality}: {timing.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
+
+
+def _stamp(message: JointState) -> Nanoseconds:
+    return to_nanoseconds(message.header.stamp)
 
 
 def main(arguments: list[str] | None = None) -> int:

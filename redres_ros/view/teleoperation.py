@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
-from redres_ros.nodes.conversions import TwistWriter, to_pose
+from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.nodes.topics import MODE, PUBLISH, REASON
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Seconds, Twist
@@ -70,7 +70,6 @@ class Teleoperation:
         self._bindings = bindings
         self._scene = scene
         self._model = model
-        self._twist_writer = TwistWriter('')
         self._twist_publisher: Publisher | None = None  # made for the first motion
         self._target_publisher = monitor.create_publisher(PoseStamped, 'target_pose', PUBLISH)
         self._asked_at = 0.0  # [s] since when a velocity is asked for; 0: none is
@@ -97,7 +96,7 @@ class Teleoperation:
         while not stopped.wait(_PERIOD):
             self.step(time.monotonic())
         if self._twist_publisher is not None:
-            self._twist_publisher.publish(self._twist_writer.written(_NOW, np.zeros(6)))
+            self._twist_publisher.publish(to_twist(_NOW, '', np.zeros(6)))
         self._orders.shutdown()
         if self._pushed.any():
             self._push_link('', np.zeros(3))
@@ -144,7 +143,7 @@ class Teleoperation:
         else:
             self._asked_at = 0.0
         if self._twist_publisher and now - self._moved_at < _LAST_ZEROS:
-            self._twist_publisher.publish(self._twist_writer.written(_NOW, dx))
+            self._twist_publisher.publish(to_twist(_NOW, '', dx))
 
     # In viser's own loop, which keeps the phases in their order.
     async def _on_drag(self, event: Any) -> None:
