@@ -34,7 +34,6 @@ from redres_ros.nodes.controller_telemetry import (
     from_message,
     to_message,
 )
-from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
