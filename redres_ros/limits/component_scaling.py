@@ -45,7 +45,7 @@ class _Component(NamedTuple):
     J: Jacobian
     dx: TaskVelocity
     length: float  # of dx; 0 if it is not asked for
-    rates: Jacobian  # of the tip along dx, and in the directions across it
+    rates: Jacobian  # of the tip along dx, and in the directions across it; J if not asked for
 
     def fraction(self, dq: JointVelocities) -> float:
         """That is executed along it; 1 if it is not asked for."""
@@ -221,8 +221,11 @@ def _split(task: Level, sizes: Sequence[int], held: Sequence[bool]) -> list[_Com
         length = float(np.linalg.norm(dx))
         if is_held or not length > noise:
             length = 0.0
-        Q, R = np.linalg.qr(np.column_stack((dx, np.eye(size))))
-        frame = Q.T * np.copysign(1.0, R[0, 0])  # orthonormal rows, the first is along dx
-        components.append(_Component(J, dx, length, frame.dot(J)))
+        rates = J
+        if length:
+            Q, R = np.linalg.qr(np.column_stack((dx, np.eye(size))))
+            frame = Q.T * np.copysign(1.0, R[0, 0])  # orthonormal rows, the first is along dx
+            rates = frame.dot(J)
+        components.append(_Component(J, dx, length, rates))
         begin += size
     return components

@@ -92,12 +92,9 @@ class Bounds:
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
-        lower = np.full(len(self.state.q), -_FASTEST)
-        upper = np.full(len(self.state.q), _FASTEST)
-        for low, high in self.boxes[VELOCITY:BOXES]:
-            lower = np.clip(low, lower, 0.0)
-            upper = np.clip(high, 0.0, upper)
-        return lower, upper
+        lower = self.boxes[VELOCITY:BOXES, 0].max(axis=0)
+        upper = self.boxes[VELOCITY:BOXES, 1].min(axis=0)
+        return lower.clip(-_FASTEST, 0.0), upper.clip(0.0, _FASTEST)
 
 
 @dataclass(slots=True)  # made in every tick in which limits act
