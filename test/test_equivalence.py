@@ -53,9 +53,7 @@ def side(task: WaypointTask) -> WaypointTask:
     ),
 )
 def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
-    found = difference(name, damping, T, task)
-    assert found.max < ROUNDING
-    assert found.t[-1] == pytest.approx(9.0 - T)
+    assert difference(name, damping, T, task).max < ROUNDING
 
 
 @pytest.mark.parametrize(
@@ -73,11 +71,9 @@ def test_on_an_arm_that_a_law_keeps_stable_law_and_scheme_differ_by_rounding(
 def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_tick(task):
     found = difference('minimum_weighted_torque', 0.0, 0.008, task)
     assert found.max > 1.0  # [rad/s]: the closed loops have parted,
-    parted = found.t[found.norm > ROUNDING][0]  # [s]
-    assert 0.5 < parted < task.segment_time * task.segments  # in the course of time,
     # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits
     # for a condition of 1e3
-    assert found.same_past.max() < ROUNDING
+    assert found.same_past < ROUNDING
 
 
 @pytest.mark.parametrize(('excess', 'seen'), [(0.0, False), (1e-6, True)])
@@ -90,7 +86,7 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
         lambda name, damping, T, preference: Scheme(name, damping + excess),
     )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
-    assert (found.max > ROUNDING) == (found.same_past.max() > ROUNDING) == seen
+    assert (found.max > ROUNDING) == (found.same_past > ROUNDING) == seen
 
 
 def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
@@ -102,8 +98,7 @@ def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_
 
 @EVERY_SCHEME
 def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, side, heavy):
-    found = convergence(name, 10.0, side, PERIODS, model=heavy)
-    assert 0.9 < found.q_order < 1.1
+    assert 0.9 < convergence(name, 10.0, side, PERIODS, model=heavy) < 1.1
 
 
 @EVERY_SCHEME

@@ -2,13 +2,12 @@
 
 import csv
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from redres_ros.files.text import writing
 from redres_ros.paper.runs import Runs
-from redres_ros.simulation.batch import in_parallel
 
 ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 
@@ -50,15 +49,6 @@ def same_velocities(largest: float) -> Finding:
     return Finding(
         largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
     )
-
-
-def check_all(
-    claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None]
-) -> dict[Claim, Finding]:
-    """The findings in the order of the claims; progress receives the completed fraction."""
-    claims = list(claims)
-    found = in_parallel(lambda claim: claim.measure(runs), claims, progress)
-    return dict(zip(claims, found, strict=True))
 
 
 def table(findings: Mapping[Claim, Finding]) -> str:

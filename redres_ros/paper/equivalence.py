@@ -1,7 +1,8 @@
 """Difference of a velocity law from its second-order scheme, sampled and in continuous time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,20 +27,13 @@ _RTOL = 1e-10
 _ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
-@dataclass(frozen=True)
-class Difference:
-    """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took, (ticks,)
-    [rad/s]. Where a loop amplifies rounding, only same_past stays small.
+class Difference(NamedTuple):
+    """Largest |dq_I - dq_II| of a law (I) and its scheme (II) [rad/s]. Where a loop amplifies
+    rounding, only same_past stays small.
     """
 
-    t: np.ndarray  # [s]
-    norm: np.ndarray  # each in a closed loop of its own
-    same_past: np.ndarray  # the scheme being given at each tick what the law had
-
-    @property
-    def max(self) -> float:
-        """Largest difference of the closed loops [rad/s]."""
-        return float(self.norm.max())
+    max: float  # each in a closed loop of its own
+    same_past: float  # the scheme being given at each tick what the law had
 
 
 def difference(
@@ -60,9 +54,9 @@ def difference(
     law = make_law(law_name, damping=damping)
     one = run(Controller(model, law, T, preferences=preferences), task)
     two = run(SecondOrderController(model, scheme, T), task)
-    norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
-    ticks = len(norm)
-    return Difference(one['t'][:ticks], norm, _with_same_past(one, model, scheme)[:ticks])
+    apart = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
+    same_past = _with_same_past(one, model, scheme)[: len(apart)]
+    return Difference(float(apart.max()), float(same_past.max()))
 
 
 def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
@@ -104,19 +98,6 @@ def _with_same_past(law: Recording, model: RobotModel, scheme: Scheme) -> np.nda
     return np.array(differences)
 
 
-@dataclass(frozen=True)
-class Convergence:
-    """Largest distance |q_k - q(t_k)| of a sampled law from its scheme in continuous time."""
-
-    periods: np.ndarray  # (p,) [s]
-    q_errors: np.ndarray  # (p,) [rad]
-
-    @property
-    def q_order(self) -> float:
-        """The slope of log(error) over log(period): 1 for the differences (8), (9), (10), (13)."""
-        return float(np.polyfit(np.log(self.periods), np.log(self.q_errors), 1)[0])
-
-
 def convergence(
     law_name: str,
     damping: float,
@@ -124,9 +105,10 @@ def convergence(
     periods: tuple[float, ...] = _PERIODS,
     *,
     model: RobotModel | None = None,
-) -> Convergence:
-    """A law at several sampling times [s] beside its scheme in continuous time, on the first
-    segment, which has to be over in time at each. Raises UnknownNameError for a law without scheme.
+) -> float:
+    """The order with which a sampled law tends to its scheme in continuous time, on the first
+    segment: the slope of log |q_k - q(t_k)| over log T, 1 for the differences (8), (9), (10), (13).
+    Raises UnknownNameError for a law without scheme.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = Scheme(law_name, damping)
@@ -138,7 +120,7 @@ def convergence(
         watched = sampled['t'] <= task.segment_time
         q = integrate(scheme, model, segment, sampled['t'][watched])
         errors.append(np.linalg.norm(sampled.vectors('q1')[watched] - q, axis=1).max())
-    return Convergence(np.array(periods), np.array(errors))
+    return float(np.polyfit(np.log(periods), np.log(errors), 1)[0])
 
 
 def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: Times) -> np.ndarray:

@@ -4,6 +4,7 @@ arm, and what measured positions show of the motion.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +35,7 @@ _LATE = 0.05
 _NO_STOP = 100.0  # factor on the acceleration limits: far beyond what any law commands
 
 
-@dataclass(frozen=True)
-class MeasuredMotion:
+class MeasuredMotion(NamedTuple):
     """What measured positions show of a motion: t (N,) [s]; q, dq and ddq (N, n), in rad and s."""
 
     t: np.ndarray

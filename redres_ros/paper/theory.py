@@ -56,7 +56,7 @@ def _square_task(runs: Runs) -> Finding:
     'the sampled laws tend to the continuous schemes',
 )
 def _proportional(runs: Runs) -> Finding:
-    orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
+    orders = {law: runs[f'convergence_{law}'] for law in CONVERGING_LAWS}
     return Finding(
         all(0.9 <= order <= 1.1 for order in orders.values()),
         'the error of q against the continuous scheme falls as T^p over the first segment, '
