@@ -175,7 +175,7 @@ class Limits:
     def violated(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> Bounds | None:
         """Their bounds at a state, if a velocity does not keep them all; None if it does."""
         kept, is_inside = self._fill_boxes(dq, state, T)
-        if is_inside and self._are_rows_kept(dq, state, T):
+        if is_inside and all(limit.is_kept(dq, state, T) for limit in self.row_limits):
             return None
         bounds = self._bounds(state, T, kept)
         return None if is_inside and bounds.allow(dq) else bounds
@@ -211,13 +211,6 @@ class Limits:
         )
         slowest[np.abs(slowest) < _AT_REST] = 0.0
         return np.clip(_between(dq, slowest, v), *box)
-
-    def _are_rows_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
-        """Whether a velocity keeps all limits that are rows, as far as they can say it quickly."""
-        for limit in self.row_limits:  # noqa: SIM110 (a generator takes as long as what it asks)
-            if not limit.is_kept(dq, state, T):
-                return False
-        return True
 
     def _bounds(self, state: ReferenceState, T: Seconds, kept: bool) -> Bounds:
         rows = [limit.rows(state, T) for limit in self.row_limits]
