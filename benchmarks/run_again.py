@@ -73,7 +73,7 @@ class Arm:
         self.stamp += round(T * NANOSECONDS)
         response = self.loop.step(self.stamp, self.q, self.now)
         x, R = self.model.tip(self.q)
-        self.executor.set_mode(self.loop.mode.value)
+        self.executor.mode = self.loop.mode.value
         if response is not None:
             self.executor.clock.set_scaling(response.scaling)
         step = self.executor.enter_state(self.stamp, self.q, x, R, self.now)

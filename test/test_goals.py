@@ -180,7 +180,7 @@ def stop_and_reset(run: VirtualRun) -> None:
 def hold(run: VirtualRun) -> None:
     del run.graph.faults['controller/mode', 'planner']
     run.graph.publish('controller/mode', String(data='holding'), latched=True)
-    run.run(0.7)
+    run.run(2.1)
 
 
 def start_again(run: VirtualRun) -> None:
@@ -198,7 +198,7 @@ def start_again(run: VirtualRun) -> None:
     [
         (wait_too_long, 'resume_within'),
         (stop_and_reset, 'the robot has stopped: protective stop'),
-        (hold, 'controller/hold'),
+        (hold, 'the controller is holding'),
         (start_again, 'started again'),
     ],
 )

@@ -156,7 +156,7 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
     scaling: float | None,
 ) -> None:
     arm = under_way()
-    arm.run.set_mode('moving' if scaling is None else 'holding')
+    arm.run.mode = 'moving' if scaling is None else 'holding'
     start = arm.run.start_stamp
     assert waits(arm.go(1000, scaling))
     assert arm.run.state is TaskState.WAITING
@@ -193,7 +193,7 @@ def test_a_scaling_of_zero_for_a_moment_is_no_interruption() -> None:
 
 def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
     arm = under_way()
-    arm.run.set_mode('moving')
+    arm.run.mode = 'moving'
     arm.run.monitor.set_active_limits('lwr_a1_joint: position')
     arm.go(round(6.0 / T), 0.0)
     assert arm.run.state is TaskState.MOVING
@@ -216,7 +216,7 @@ def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     x = HOME + np.array((0.0, 0.1, 0.0))
     for R_end, size in ((R, 0.3), (None, 0.1)):
         planner = Target(x, R_end, 0.2, TASK).make_planner(HOME, np.eye(3))
-        assert planner.duration == pytest.approx(15.0 / 8.0 * size / 0.2)
+        assert planner.time_left(0.0) == pytest.approx(15.0 / 8.0 * size / 0.2)
 
 
 def homing(*, then: bool = True) -> Goal:

@@ -34,21 +34,13 @@ class Counts:
     refused: int = 0  # messages that were no valid command
 
 
-@dataclass(frozen=True)
-class _Threshold:
-    """Bounds on the statistics. Figures of ours, since KUKA's are not public."""
-
-    response_rate: float  # at least
-    latency: float  # at most [cycles]
-    jitter: float  # at most [cycles]
-    miss_rate: float  # at most
-
-
-# by the number of the quality; the worst one has none
-_THRESHOLDS = {
-    3: _Threshold(response_rate=0.95, latency=1.0, jitter=1.0, miss_rate=0.05),
-    2: _Threshold(response_rate=0.85, latency=2.0, jitter=2.0, miss_rate=0.15),
-    1: _Threshold(response_rate=0.60, latency=4.0, jitter=4.0, miss_rate=0.40),
+# Bounds on the statistics for the qualities 1, 2, 3; the worst one, 0, has none. Figures of ours,
+# since KUKA's are not public. Misses follow from commands that are lost or late: they come last.
+_BOUNDS = {
+    'response_rate': (0.60, 0.85, 0.95),  # at least; the others: at most
+    'latency': (4.0, 2.0, 1.0),  # [cycles]
+    'jitter': (4.0, 2.0, 1.0),  # [cycles]
+    'miss_rate': (0.40, 0.15, 0.05),
 }
 
 
@@ -90,14 +82,11 @@ class TimingMonitor:
         self._run = 0 if lateness == 0 else self._run + 1
         counts.longest_run = max(counts.longest_run, self._run)
         self.statistics = self._statistics()
+        self.quality = 3
         self.at_fault = ''
-        for quality, bounds in _THRESHOLDS.items():
-            self.quality = quality
-            breach = self._breach(bounds)
-            if not breach:
-                return
+        while self.quality > 0 and (breach := self._breach(self.quality)):
+            self.quality -= 1
             self.at_fault = breach
-        self.quality = 0
 
     @property
     def silent(self) -> bool:
@@ -111,26 +100,25 @@ class TimingMonitor:
         if not name:
             return ''
         value = getattr(self.statistics, name)
-        bound = getattr(_THRESHOLDS[self.quality + 1], name)
+        bound = self._bound(name, self.quality + 1)
         if name in ('latency', 'jitter'):
-            bound *= self._period
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
         expected = 'needed' if name == 'response_rate' else 'allowed'
         return f'{name.replace("_", " ")} {value:.0%}, {expected} {bound:.0%}'
 
-    def _breach(self, bounds: _Threshold) -> str:
-        """Name of the statistic that breaks its bound, empty if none does.
+    def _bound(self, name: str, quality: int) -> float:
+        bound = _BOUNDS[name][quality - 1]
+        return bound * self._period if name in ('latency', 'jitter') else bound
 
-        Misses follow from commands that are lost or late: they are named last.
-        """
-        seen = self.statistics
-        if seen.response_rate < bounds.response_rate:
-            return 'response_rate'
-        if seen.latency > bounds.latency * self._period:
-            return 'latency'
-        if seen.jitter > bounds.jitter * self._period:
-            return 'jitter'
-        return 'miss_rate' if seen.miss_rate > bounds.miss_rate else ''
+    def _breach(self, quality: int) -> str:
+        """Name of the first statistic that breaks its bound, empty if none does."""
+        for name in _BOUNDS:
+            value = getattr(self.statistics, name)
+            bound = self._bound(name, quality)
+            is_broken = value < bound if name == 'response_rate' else value > bound
+            if is_broken:
+                return name
+        return ''
 
     def _statistics(self) -> Statistics:
         packets = len(self._latenesses)

@@ -179,7 +179,7 @@ class PlannerNode(ManagedNode):
         self._run.clock.set_scaling(message.data)
 
     def _on_mode(self, message: String) -> None:
-        self._run.set_mode(one_line(message.data))
+        self._run.mode = one_line(message.data)
 
     def _on_limits(self, message: String) -> None:
         self._run.monitor.set_active_limits(one_line(message.data))
@@ -241,12 +241,12 @@ class PlannerNode(ManagedNode):
         """Begin the task with the joints at q; returns what will happen."""
         if self._run.is_running:
             return 'is running already; planner/stop ends it'
-        goal = self._goals.task()
-        self._begin_goal(goal)
+        self._begin_goal(self._goals.task())
         home = self._announced_home(q)
+        duration = self._task.segments * self._task.segment_time  # [s]
         if home:
-            return f'{home}, then begins; the task takes {goal.duration:.3g} s'
-        return f'begins as soon as the robot takes commands; takes {goal.duration:.3g} s'
+            return f'{home}, then begins; the task takes {duration:.3g} s'
+        return f'begins as soon as the robot takes commands; takes {duration:.3g} s'
 
     def _go_home(self, q: JointPositions) -> str:
         """Move the joints from q to the start of the task; returns what will happen."""

@@ -12,7 +12,7 @@ from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import Planner, ReferenceSource, TargetFollower, pose_distance
+from redres_ros.planning.planner import Planner, TargetFollower, pose_distance
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation, Seconds, TaskVelocity
@@ -64,25 +64,13 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal: a joint motion, then a path of the tip.
+    """A goal: a joint motion, then a path of the tip; either may be None."""
 
-    Attributes:
-        make_path: A joint-space motion from q; gives None if the arm is there already. None: no
-            such motion.
-        make_planner: What leads a tip at x and R; None: no path of the tip.
-        duration: How long that path takes.
-        goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
-            interruption.
-        target: What a tip that moves already is led to, without a stop; None: it begins from rest.
-        patience: How long it waits, to begin or to go on; None: for ever.
-    """
-
-    make_path: Callable[[JointPositions], JointPath | None] | None = None
-    make_planner: Callable[[Position, Rotation], ReferenceSource] | None = None
-    duration: Seconds = 0.0
-    goes_on: bool = False
-    target: Target | None = None
-    patience: Seconds | None = 2.0
+    make_path: Callable[[JointPositions], JointPath | None] | None = None  # None if q is at its end
+    make_planner: Callable[[Position, Rotation], Planner] | None = None  # for a tip at x and R
+    goes_on: bool = False  # after a hold or a stop; if not, the first interruption ends it
+    target: Target | None = None  # what a tip that moves already is led to, without a stop
+    patience: Seconds | None = 2.0  # to begin or to go on; None: for ever
 
 
 @dataclass(frozen=True)
@@ -132,7 +120,6 @@ class Goals:
         return Goal(
             self.path_home,
             lambda x, R: Planner(self._task, x, R, feedback_limit=settings.target_speed),
-            self._task.segments * self._task.segment_time,
             goes_on=True,
             patience=None if settings.autostart else settings.resume_within,
         )

@@ -4,7 +4,7 @@ a target that changes while the tip moves. For the position alone or together wi
 
 import math
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,37 +47,7 @@ class Reference(NamedTuple):
     orientation_error: RotationVector | None = None
 
 
-class ReferenceSource(Protocol):
-    """What leads the tip; the duration [s] is that of a path that is followed exactly."""
-
-    duration: Seconds
-
-    def reference(
-        self,
-        x: Position,
-        t: Seconds,
-        R: Rotation | None = None,
-        *,
-        unachieved: TaskVelocity | None = None,
-        rate: float = 1.0,
-    ) -> Reference:
-        """The reference for a tip at x and R, without R for the position alone.
-
-        Args:
-            t: Time of the task since it began; it never goes back. Where the arm executes the
-                fraction s of the velocity, it advances by s T.
-            unachieved: The part of the last dx that a singularity blocks.
-            rate: Factor on the velocity along the path, for a clock that is going slower.
-        """
-
-    def time_left(self, t: Seconds) -> Seconds:
-        """Time left of the current segment; 0 once it is overdue."""
-
-    def elapsed(self, t: Seconds) -> Seconds:
-        """How much of the duration is over."""
-
-
-class Planner(ReferenceSource):
+class Planner:
     """Passes a task's points, one segment after the other, and then holds the last one.
 
     The next segment begins at the first tick at which this one is over; WaypointTask says when that
@@ -109,7 +79,6 @@ class Planner(ReferenceSource):
         self._first_segment = 1
         self._approach_from(x_start, R_start)
         self._hold(R_start)
-        self.duration = sum(self._times)
         self._index = 0  # of the segment; that of the last point when all is finished
         self._t_segment = 0.0  # [s] at which it began
 
@@ -122,7 +91,14 @@ class Planner(ReferenceSource):
         unachieved: TaskVelocity | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """As of ReferenceSource."""
+        """The reference for a tip at x and R, without R for the position alone.
+
+        Args:
+            t: Time of the task since it began; it never goes back. Where the arm executes the
+                fraction s of the velocity, it advances by s T.
+            unachieved: The part of the last dx that a singularity blocks.
+            rate: Factor on the velocity along the path, for a clock that is going slower.
+        """
         self._hold(R)
         while not self._finished and self._is_over(x, t, R, unachieved):
             self._t_segment = t
@@ -149,16 +125,15 @@ class Planner(ReferenceSource):
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
     def time_left(self, t: Seconds) -> Seconds:
-        """As of ReferenceSource."""
+        """Time left of the current segment; 0 once it is overdue."""
         time = self._times[min(self._index, len(self._times) - 1)]
         left = self._t_segment + time - t
         return left if left > _ROUNDING else 0.0
 
-    def elapsed(self, t: Seconds) -> Seconds:
-        """As of ReferenceSource."""
-        if self._finished:
-            return self.duration
-        return sum(self._times[: self._index + 1]) - self.time_left(t)
+    def progress(self, t: Seconds) -> float:
+        """The fraction of the nominal duration that is over, before the last point is reached."""
+        elapsed = sum(self._times[: self._index + 1]) - self.time_left(t)
+        return elapsed / sum(self._times)
 
     @property
     def _finished(self) -> bool:
@@ -215,7 +190,7 @@ class Planner(ReferenceSource):
             self._turns = np.tile(R, (len(self._points), 1, 1))
 
 
-class TargetFollower(ReferenceSource):
+class TargetFollower:
     """A point mass that is drawn to a target, with limited speed and acceleration.
 
     Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
@@ -252,12 +227,12 @@ class TargetFollower(ReferenceSource):
         """Go to another pose from here on."""
         self._x_end = x
         self._R_end = R
-        self.duration = max(self.time_left(self._t), 1e-9)  # [s]
+        self._duration = max(self.time_left(self._t), 1e-9)  # [s]
 
     def reference(
         self, x: Position, t: Seconds, R: Rotation | None = None, *, rate: float = 1.0, **_: Any
     ) -> Reference:
-        """As of ReferenceSource."""
+        """As of Planner."""
         dt = max(t - self._t, 0.0)
         self._t = t
         self._v = self._next_velocity(self._x_end - self._x, self._v, dt, 1.0)
@@ -283,9 +258,9 @@ class TargetFollower(ReferenceSource):
         left = pose_distance(self._x_end - self._x, turn)
         return left / self._speed if left > self._task.tolerance else 0.0
 
-    def elapsed(self, t: Seconds) -> Seconds:
-        """As of ReferenceSource."""
-        return max(self.duration - self.time_left(t), 0.0)
+    def progress(self, t: Seconds) -> float:
+        """The fraction of the time to the target that is over."""
+        return max(1.0 - self.time_left(t) / self._duration, 0.0)
 
     def _next_velocity(
         self, offset: np.ndarray, v: Velocity, dt: Seconds, scale: float

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import Reference, ReferenceSource, TargetFollower, pose_distance
+from redres_ros.planning.planner import Planner, Reference, TargetFollower, pose_distance
 from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.types import (
@@ -24,7 +24,6 @@ from redres_ros.types import (
 )
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
-_HELD = 0.5  # [s] for which a controller that could move holds, until that counts as asked for
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
 
@@ -69,10 +68,9 @@ class _Execution:
     goal: Goal
     path: JointPath | None = None  # of the joints, before the tip's path
     has_begun: bool = False  # anything of it was asked for
-    source: ReferenceSource | None = None  # of the tip's path; None before it begins
+    source: Planner | TargetFollower | None = None  # of the tip's path; None before it begins
     x_d: Position | None = None  # that was asked for last
     waited: Seconds = 0.0  # for the controller, without a break
-    held: Seconds = 0.0  # part of it in the controller's present mode
 
 
 class TaskExecutor:
@@ -87,11 +85,10 @@ class TaskExecutor:
     | IDLE, STUCK | nothing | nothing |
 
     HOMING and MOVING without progress end in STUCK. A goal begins when the controller follows.
-    Before that it ends with a stop of the robot, with a hold that was asked for, and when its
-    patience is over: nothing is executed that was asked for long ago. A task that is interrupted by
-    a hold goes on when the hold ends; after any other interruption it goes on within its patience.
-    It begins again if the arm is elsewhere by then. Every goal ends with a robot that was started
-    again.
+    Before that it ends with a stop of the robot, and when its patience is over: nothing is executed
+    that was asked for long ago. A task that is interrupted by a hold goes on when the hold ends;
+    after any other interruption it goes on within its patience. It begins again if the arm is
+    elsewhere by then. Every goal ends with a robot that was started again.
 
     `unachieved` gives the part of a task velocity that a singularity blocks at a state. It matters
     only once a segment's time is over.
@@ -145,12 +142,6 @@ class TaskExecutor:
         self.monitor.begin()
         self.state = TaskState.IDLE
 
-    def set_mode(self, mode: str) -> None:
-        """Record the mode of the controller."""
-        if self._execution is not None and mode != self.mode:
-            self._execution.held = 0.0
-        self.mode = mode
-
     def set_stop_reason(self, reason: str) -> None:
         """Record why the robot has stopped; empty: it has not."""
         self.stop_reason = reason
@@ -191,19 +182,11 @@ class TaskExecutor:
 
     @property
     def progress(self) -> float:
-        """The fraction of the goal's duration that is over, 0 to 1."""
-        execution = self._execution
-        if self.state is TaskState.FINISHED or execution is None:
-            return float(self.state is TaskState.FINISHED)
-        t = self.clock.t
-        source = execution.source
-        whole = source.duration if source else execution.goal.duration
-        done = source.elapsed(t) if source else 0.0
-        if execution.path is not None:
-            duration = execution.path.duration
-            whole += duration
-            done += duration if source else min(t, duration)
-        return done / whole if whole > 0.0 else 0.0
+        """The fraction of the tip's path that is over, 0 to 1."""
+        if self.state is TaskState.FINISHED:
+            return 1.0
+        source = self._execution and self._execution.source
+        return source.progress(self.clock.t) if source else 0.0
 
     @property
     def remark(self) -> str:
@@ -309,13 +292,11 @@ class TaskExecutor:
         """HOMING, MOVING to WAITING."""
         self.state = TaskState.WAITING
         execution.waited = 0.0
-        execution.held = 0.0
         return self._wait(execution, arm)
 
     def _wait(self, execution: _Execution, arm: _ArmState) -> Step | None:
         """WAITING: zero velocity, at which the controller reports whether it would follow."""
         execution.waited += self._seconds
-        execution.held += self._seconds
         if over := self._why_over(execution):
             self._end(over)
             return None
@@ -328,13 +309,12 @@ class TaskExecutor:
         goal = execution.goal
         if execution.has_begun and not goal.goes_on:
             return 'the motion was interrupted'
-        is_held = self.mode == _HOLDING and execution.held > _HELD
-        if is_held and not execution.has_begun:
-            return 'the controller holds (controller/hold)'
         pauses = execution.has_begun and self.mode in ('', _HOLDING) and not self.stop_reason
         if pauses or goal.patience is None or execution.waited <= goal.patience:
             return ''
-        return f'the controller has not followed for {goal.patience:g} s (resume_within)'
+        mode = self.mode or 'not there'
+        silence = f'has not followed for {goal.patience:g} s (resume_within)'
+        return f'the controller is {mode}, and {silence}'
 
     def _drop(self, execution: _Execution, arm: _ArmState) -> None:
         """FINISHED: nothing is asked for any more."""

@@ -188,58 +188,55 @@ def _read_start(value: Any) -> JointPositions:
     return np.where(is_linear, numbers, np.radians(numbers))
 
 
+def _read_rows(value: Any, columns: int, largest: float) -> np.ndarray:
+    rows = _read_numbers(value, 2, largest)
+    if rows.shape[1] != columns:
+        raise _UnexpectedError(f'rows of {columns} numbers')
+    return rows
+
+
 def _read_waypoints(value: Any) -> Points:
-    points = _read_numbers(value, 2, _FARTHEST)
-    if points.shape[1] != 3 or len(points) < 2:
-        raise _UnexpectedError('at least two points of three coordinates')
+    points = _read_rows(value, 3, _FARTHEST)
+    if len(points) < 2:
+        raise _UnexpectedError('at least two points')
     return points
 
 
 def _read_quaternions(value: Any) -> np.ndarray:
-    rows = _read_numbers(value, 2, 1e3)
-    if rows.shape[1] != 4 or (np.linalg.norm(rows, axis=1) < 1e-6).any():
-        raise _UnexpectedError('rows of 4 numbers x, y, z, w, not all of them zero')
+    rows = _read_rows(value, 4, 1e3)
+    if (np.linalg.norm(rows, axis=1) < 1e-6).any():
+        raise _UnexpectedError('rows x, y, z, w, not all of them zero')
     return np.array([from_quaternion(row) for row in rows])
 
 
 def _read_angles(value: Any) -> np.ndarray:
     """Roll, pitch and yaw in degrees."""
-    rows = _read_numbers(value, 2, _MOST_DEGREES)
-    if rows.shape[1] != 3:
-        raise _UnexpectedError('rows of 3 numbers')
-    return np.array([from_roll_pitch_yaw(np.radians(row)) for row in rows])
+    rows = np.radians(_read_rows(value, 3, _MOST_DEGREES))
+    return np.array([from_roll_pitch_yaw(row) for row in rows])
 
 
 def _read_nodes(value: Any) -> dict[str, dict[str, Any]]:
-    """Parameters by node. What they are, the nodes judge themselves."""
-    mappings = list(value.values()) if isinstance(value, dict) else [value]
-    if not all(isinstance(mapping, dict) for mapping in mappings):
+    if not isinstance(value, dict):
         raise _UnexpectedError('parameters below the names of nodes')
-    return {_read_node(name): _read_parameters(own) for name, own in value.items()}
+    return {name: _read_parameters(name, own) for name, own in value.items()}
 
 
 def _read_events(value: Any) -> tuple[TaskEvent, ...]:
-    if not isinstance(value, list):
-        raise _UnexpectedError('a list')
+    if not (isinstance(value, list) and all(isinstance(given, dict) for given in value)):
+        raise _UnexpectedError('a list of events with at [s], node, and parameters')
     events = []
     for given in value:
-        if not (isinstance(given, dict) and {'at', 'node'} < given.keys()):
-            raise _UnexpectedError('events with at [s], node, and parameters')
         own = dict(given)
-        at = _read_number(own.pop('at'))
-        node = _read_node(own.pop('node'))
-        events.append(TaskEvent(at, node, _read_parameters(own)))
+        at = _read_number(own.pop('at', None))
+        node = own.pop('node', None)
+        events.append(TaskEvent(at, node, _read_parameters(node, own)))
     return tuple(events)
 
 
-def _read_node(name: Any) -> str:
-    if name not in _NODES:
-        raise _UnexpectedError(f'a node among {", ".join(_NODES)}, not {quoted(name)}')
-    return str(name)
-
-
-def _read_parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
-    """Values by name, arrays as tuples."""
+def _read_parameters(node: Any, given: Any) -> dict[str, Any]:
+    """Values by name, arrays as tuples. What they are, the node judges itself."""
+    if node not in _NODES or not isinstance(given, dict):
+        raise _UnexpectedError(f'parameters of a node among {", ".join(_NODES)}')
     tuples = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
     return {str(name): value for name, value in {**given, **tuples}.items()}
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError
-from redres_ros.planning.planner import Planner, ReferenceSource
+from redres_ros.planning.planner import Planner
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
@@ -58,7 +58,7 @@ def run(
     controller: Client,
     task: WaypointTask,
     *,
-    source: ReferenceSource | None = None,
+    source: Planner | None = None,
     plant: CommandedArm | None = None,
     ahead: float = 0.0,
     greedy: bool = True,
