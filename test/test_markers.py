@@ -11,9 +11,8 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.limits.scene import WALLS, read_shapes, touched
-from redres_ros.nodes.markers import Markers, show_obstacles, take_workspace
+from redres_ros.nodes.markers import show_obstacles, show_traces, take_workspace
 
-PERIOD = 2_000_000  # [ns] between two states
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])
 
 
@@ -40,51 +39,27 @@ def shown(node: Listened) -> dict[str, Marker]:
     return {marker.ns: marker for marker in node.sent[-1].markers}
 
 
-def move(markers: Markers, states: int) -> int:
-    """Let the tip go along x for so many states; how many of them were wanted."""
-    wanted = [k for k in range(1, states + 1) if markers.wants(k * PERIOD) and not see(markers, k)]
-    return len(wanted)
-
-
-def see(markers: Markers, k: int) -> None:
-    markers.see(k * PERIOD, np.array([k * 1e-3, 0.0, 0.5]), np.array([0.0, 0.0, k * 1e-3]))
-
-
-def test_traces_have_a_point_every_twentieth_of_a_second_and_the_task_its_points() -> None:
+def test_traces_grow_to_a_length_and_the_task_has_its_points() -> None:
     node = Listened()
-    markers = Markers(node, 'world', WAYPOINTS)
+    path: list[tuple[np.ndarray, np.ndarray]] = []
+    show_traces(node, 'world', WAYPOINTS, lambda: path[-1] if path else ())
     assert shown(node)['tip'].action == Marker.DELETE  # no line without two points
-    assert move(markers, 500) == 20
-    tip, elbow, task = (shown(node)[name] for name in ('tip', 'elbow', 'task'))
-    assert np.diff([point.x for point in tip.points]) == pytest.approx(0.025)
+    for k in range(150):
+        path.append((np.array([k * 1e-3, 0.0, 0.5]), np.array([0.0, 0.0, k * 1e-3])))
+        markers = shown(node)
+    tip, elbow, task = (markers[name] for name in ('tip', 'elbow', 'task'))
+    assert [point.x for point in tip.points] == [x[0] for x, _ in path[-100:]]
     assert [point.z for point in elbow.points] == [point.x for point in tip.points]
     assert [[p.x, p.y, p.z] for p in task.points] == WAYPOINTS.tolist()
     assert {marker.header.frame_id for marker in (tip, elbow, task)} == {'world'}
 
 
-def test_an_old_part_of_a_trace_is_left_out() -> None:
-    node = Listened()
-    markers = Markers(node, 'world', WAYPOINTS)
-    node.look()
-    assert move(markers, 10_000) == 400
-    assert len(shown(node)['tip'].points) == 200
-
-
-def test_while_nobody_listens_nothing_is_kept_or_sent() -> None:
+def test_while_nobody_listens_nothing_is_computed_or_sent() -> None:
     node = Listened()
     node.listeners = 0
-    markers = Markers(node, 'world', WAYPOINTS)
+    show_traces(node, 'world', WAYPOINTS, lambda: pytest.fail('it was'))
     node.look()
-    assert move(markers, 500) == 0
     assert node.sent == []
-
-
-def test_a_clock_that_was_set_back_does_not_end_the_trace() -> None:
-    node = Listened()
-    markers = Markers(node, 'world', WAYPOINTS)
-    node.look()
-    markers.see(10**12, np.zeros(3), np.zeros(3))
-    assert move(markers, 500) == 20
 
 
 def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -> None:

@@ -2,8 +2,7 @@
 away from, which the topic `workspace` may set.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,12 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.limits.scene import SPHERE, WALLS, DrawnShape, Shape, read_shapes, shapes_of
-from redres_ros.nodes.conversions import to_time
 from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
-from redres_ros.types import Nanoseconds, Points, Position
+from redres_ros.types import Points, Position
 
-_TRACES_EVERY = 0.2  # [s]
+_TRACES_EVERY = 0.1  # [s]
 _SHAPES_EVERY = 1.0  # [s]
-_STEP = 50_000_000  # [ns] of the robot's clock between two points of a trace
-_LENGTH = 200  # points of a trace: 10 s
+_LENGTH = 100  # points of a trace: 10 s
 
 _ORANGE = ColorRGBA(r=0.95, g=0.55, b=0.1, a=1.0)
 _BLUE = ColorRGBA(r=0.2, g=0.45, b=0.85, a=1.0)
@@ -32,52 +29,36 @@ _SOLID = ColorRGBA(r=0.6, g=0.6, b=0.6, a=0.6)
 _SIDES = ('inside', 'outside')
 _WALLS = 'scene.walls'
 
+Trace = Callable[[], Sequence[Position]]
 Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
 
 
-class Markers:
-    """Publishes the traces and the points of the task while there is a subscriber."""
+def show_traces(node: Node, frame: str, waypoints: Points, trace: Trace) -> None:
+    """Have a node publish the points of its task, and the paths of tip and elbow, which `trace`
+    gives as they are now.
+    """
+    publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+    task = _make_marker('task', Marker.SPHERE_LIST, 0.015, _GREY)
+    task.points = [_to_point(x) for x in waypoints]
+    traces = [
+        _make_marker('tip', Marker.LINE_STRIP, 0.004, _ORANGE),
+        _make_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE),
+    ]
+    markers = [task, *traces]
+    for marker in markers:
+        marker.header.frame_id = frame
 
-    def __init__(self, node: Node, frame: str, waypoints: Points) -> None:
-        self._publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
-        self._tip: deque[Point] = deque(maxlen=_LENGTH)
-        self._elbow: deque[Point] = deque(maxlen=_LENGTH)
-        self._next = 0  # stamp from which the traces go on [ns]
-        self._stamp = 0  # of the newest state [ns]
-        points = _make_marker('task', Marker.SPHERE_LIST, 0.015, _GREY)
-        points.points = [_to_point(x) for x in waypoints]
-        self._traces = (
-            (_make_marker('tip', Marker.LINE_STRIP, 0.004, _ORANGE), self._tip),
-            (_make_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE), self._elbow),
-        )
-        self._markers = [points, *(marker for marker, _ in self._traces)]
-        for marker in self._markers:
-            marker.header.frame_id = frame
-        self._has_subscribers = False
-        node.create_timer(_TRACES_EVERY, self._publish, clock=STEADY)
-
-    def wants(self, stamp: Nanoseconds) -> bool:
-        """Whether the state of this stamp is to be shown: a few times a second, if at all."""
-        self._stamp = stamp
-        return self._has_subscribers and not self._next - _STEP < stamp < self._next
-
-    def see(self, stamp: Nanoseconds, tip: Position, elbow: Position) -> None:
-        """Record where tip and elbow are at a state."""
-        self._next = stamp + _STEP
-        self._tip.append(_to_point(tip))
-        self._elbow.append(_to_point(elbow))
-
-    def _publish(self) -> None:
-        self._has_subscribers = self._publisher.get_subscription_count() > 0
-        if not self._has_subscribers:
+    def publish() -> None:
+        if publisher.get_subscription_count() == 0:
             return
-        for marker, points in self._traces:
-            marker.points = list(points)
+        for marker, x in zip(traces, trace(), strict=False):
+            marker.points = [*marker.points, _to_point(x)][-_LENGTH:]
+        for marker in traces:
             # RViz complains of a line of less than two points.
-            marker.action = Marker.ADD if len(points) > 1 else Marker.DELETE
-        for marker in self._markers:
-            marker.header.stamp = to_time(self._stamp)
-        self._publisher.publish(MarkerArray(markers=self._markers))
+            marker.action = Marker.ADD if len(marker.points) > 1 else Marker.DELETE
+        publisher.publish(MarkerArray(markers=markers))
+
+    node.create_timer(_TRACES_EVERY, publish, clock=STEADY)
 
 
 def show_obstacles(

@@ -33,7 +33,7 @@ from redres_ros.nodes.diagnostics import (
     Watchdog,
 )
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
-from redres_ros.nodes.markers import Markers
+from redres_ros.nodes.markers import show_traces
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
 from redres_ros.nodes.runtime import run_nodes
@@ -44,7 +44,7 @@ from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import JointPositions, Rotation
+from redres_ros.types import JointPositions, Position, Rotation
 
 # Fraction of a cycle that is left to controller and robot before the planner computes.
 _HEADSTART = 0.15
@@ -101,7 +101,7 @@ class PlannerNode(ManagedNode):
             topics.PROGRESS: Float64,
         }
         self._telemetry = Telemetry(self, types)
-        self._markers = Markers(self, self._frame, self._task.waypoints)
+        show_traces(self, self._frame, self._task.waypoints, self._trace)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
@@ -135,8 +135,6 @@ class PlannerNode(ManagedNode):
         q = self._joints.positions(message)
         x, R = self._model.tip(q)
         self._q = q
-        if self._markers.wants(stamp):
-            self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
         step = self._run.enter_state(stamp, q, x, R, time.monotonic())
         self._stamp = stamp
         if step is None:
@@ -147,6 +145,13 @@ class PlannerNode(ManagedNode):
             self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
         if self._telemetry.subscribed:
             self._publish_reference(step, R)
+
+    def _trace(self) -> tuple[Position, ...]:
+        """Where tip and elbow are; empty before the first state."""
+        if self._q is None:
+            return ()
+        model = self._model
+        return model.tip(self._q)[0], model.position(self._q, model.elbow_frame)
 
     def _publish_reference(self, step: Step, R: Rotation) -> None:
         """For displays; a task of positions leaves the orientation R as it is."""
