@@ -8,6 +8,20 @@ from redres_ros import Law, RobotModel, RobotState
 from redres_ros.parameter import param
 
 
+class LateArm:
+    """An ideal arm that takes up each reference a tick late."""
+
+    stop_reason = ''
+
+    def __init__(self, q: np.ndarray) -> None:
+        self.q = q
+        self._next = q
+
+    def step(self, q_ref: np.ndarray) -> None:
+        self.q = self._next
+        self._next = q_ref
+
+
 class FloatingArm:
     """In the place of a model: an arm of constant inertia without tasks, gravity and coupling, so
     that all its motion is self-motion.

@@ -8,6 +8,7 @@ from functools import cache
 import independent
 import numpy as np
 import pytest
+from doubles import LateArm
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
 from redres_ros.simulation.closed_loop import run
@@ -202,20 +203,6 @@ def test_within_limits_the_path_is_kept_and_only_time_is_stretched(law, scale, t
     ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
     assert (np.abs(dq) <= scale * MODEL.dq_max * (1.0 + 1e-12)).all()
     assert (np.abs(ddq) <= scale * np.array(MODEL.arm.acceleration_limit) * (1.0 + 1e-9)).all()
-
-
-class LateArm:
-    """Takes up each reference a tick late."""
-
-    stop_reason = ''
-
-    def __init__(self, q: np.ndarray) -> None:
-        self.q = q
-        self._next = q
-
-    def step(self, q_ref: np.ndarray) -> None:
-        self.q = self._next
-        self._next = q_ref
 
 
 def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():

@@ -15,6 +15,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from doubles import LateArm
 from graph_helpers import PATIENCE, await_that, graph, is_running
 from nightly import NIGHTLY
 
@@ -102,7 +103,8 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
         switch_time=0.2,
         limits=('position', 'velocity', 'acceleration'),
     )
-    expected = run(controller, load_task(short_task), delay=1).data
+    task = load_task(short_task)
+    expected = run(controller, task, plant=LateArm(task.start)).data
     got = motion(lockstep)
     assert len(got) == len(expected)
     np.testing.assert_allclose(got[:, 0], PERIOD * np.arange(len(got)), atol=1e-9)
@@ -193,7 +195,9 @@ def test_a_law_switched_on_the_way_is_blended_and_marked(real_time: tuple[Path, 
         controller = Controller(
             RobotModel.named('lwr4_paper'), make_law(law), 0.002, switch_time=0.2
         )
-        alone.append(run(controller, side, delay=1).peak('joint_acceleration_norm')[0])
+        alone.append(
+            run(controller, side, plant=LateArm(side.start)).peak('joint_acceleration_norm')[0]
+        )
     rows = motion(out)
     on_the_side = rows[rows[:, 0] < side.segment_time]
     assert column(on_the_side, 'joint_acceleration_norm').max() < 1.5 * max(alone)
