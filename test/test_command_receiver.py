@@ -88,17 +88,6 @@ def test_a_message_that_is_no_command_is_refused_as_what_it_is(names, positions,
     assert connection.robot.session.refusals == {kind: 1}
 
 
-def test_a_refused_command_is_a_miss_and_its_cause_is_kept():
-    connection = make_connection()
-    connection.advance()
-    for _ in range(6):
-        connection.send(connection.robot.tick - 1, np.full(7, np.nan))
-        connection.advance()
-    reason = connection.robot.session.reason
-    assert reason.startswith('timing: the newest command is 6 cycles late')
-    assert reason.endswith(f'last refused: {NAMES[0]} commanded nan rad; expected a finite value')
-
-
 def test_joints_are_matched_by_name():
     connection = make_connection(0)
     connection.advance()

@@ -256,7 +256,7 @@ def test_a_stop_of_the_robot_ends_a_task_that_waits_longer_than_resume_within(
     assert logged(run, 'the task is over', 'resume_within') is not goes_on
 
 
-# --- progress and standstill ----------------------------------------------------------------------
+# --- progress -----------------------------------------------------------------------------------
 
 
 def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
@@ -270,15 +270,3 @@ def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
     assert fractions[0] == pytest.approx(0.0, abs=0.01)
     assert (np.diff(fractions) >= 0.0).all()
     assert fractions[-1] == 1.0
-
-
-def test_a_motion_that_gets_nowhere_is_reported_and_then_given_up(run: VirtualRun) -> None:
-    """A target just beyond the stretched arm, which the bound on its reach lets pass."""
-    x, _ = MODEL.tip(position(run))
-    send_target(run, offset=(1.31 / np.linalg.norm(x) - 1.0) * x)
-    assert run.run_until(lambda: logged(run, 'no progress for 5 s'), 30.0)
-    assert state(run) is not TaskState.STUCK
-    assert run.run_until(lambda: state(run) is TaskState.STUCK, 60.0)
-    assert logged(run, 'no progress for 30 s', 'm from the next point')
-    run.run(1.0)  # to rest
-    assert_nothing_moves(run)
