@@ -49,14 +49,7 @@ class Ends:
         )
 
     def box(self, q: np.ndarray, dq_prev: np.ndarray, T: float, brakes: bool) -> np.ndarray:
-        """The velocities that the definition allows, (2, n) [rad/s].
-
-        Args:
-            q: The reference, (n,) [rad].
-            dq_prev: The last command, (n,) [rad/s].
-            T: Sampling time [s].
-            brakes: Whether the acceleration is limited.
-        """
+        """The velocities that the definition allows, (2, n) [rad/s]."""
         reach = self.A * T if brakes else np.full(len(q), np.inf)
         box = np.array((dq_prev - reach, dq_prev + reach))
         velocity = np.array((-self.V, self.V))
@@ -69,25 +62,14 @@ class Ends:
 
 
 def stopping_speed(d: np.ndarray, A: np.ndarray, T: float) -> np.ndarray:
-    """beta(d), (n,) [rad/s]; outside its range a joint comes back as fast as it stops there.
-
-    Args:
-        d: To the end, (n,) [rad].
-        A: Acceleration, (n,) [rad/s^2].
-        T: Sampling time [s].
-    """
+    """beta(d), (n,) [rad/s], at d [rad] from the end; outside, a joint comes back as fast."""
     way = np.minimum(np.abs(d), 1e9)
     N = np.floor((np.sqrt(1.0 + 8.0 * way / (A * T**2)) - 1.0) / 2.0)
     return np.sign(d) * (way / T + A * T * N * (N + 1.0) / 2.0) / (N + 1.0)
 
 
 class Motion:
-    """A controller of some arm, law and limits, and where it begins.
-
-    Args:
-        models: Of the arms to choose from.
-        random: Chooses.
-    """
+    """A controller of some arm, law and limits, and where it begins."""
 
     def __init__(self, models: list[RobotModel], random: np.random.Generator) -> None:
         self.random = random

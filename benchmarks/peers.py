@@ -24,17 +24,11 @@ OINK_ACCURACY = 1e-9  # [rad]
 
 
 class Target(NamedTuple):
-    """Where the end effector is after one tick. Each peer uses what makes it faster: pose or twist.
+    """Where the end effector is after one tick. Each peer uses what makes it faster: pose or twist."""
 
-    Attributes:
-        x: Position, (3,) [m].
-        R: Orientation, (3, 3); of no effect in a position task.
-        dx: Twist that leads there, (3,) or (6,) [m/s], [rad/s].
-    """
-
-    x: np.ndarray
-    R: np.ndarray
-    dx: np.ndarray
+    x: np.ndarray  # (3,) [m]
+    R: np.ndarray  # (3, 3); of no effect in a position task
+    dx: np.ndarray  # twist that leads there, (3,) or (6,) [m/s], [rad/s]
 
 
 Peer = Callable[[np.ndarray, np.ndarray, Target], np.ndarray]
@@ -42,20 +36,12 @@ Peer = Callable[[np.ndarray, np.ndarray, Target], np.ndarray]
 
 
 class Setting(NamedTuple):
-    """What a peer is made for.
-
-    Attributes:
-        arm: The arm.
-        T: Length of a tick [s].
-        is_pose: Whether the orientation counts.
-        limit_scale: On velocities and accelerations, with all limits that a peer has; None: without
-            limits.
-    """
+    """What a peer is made for."""
 
     arm: Arm
-    T: float
-    is_pose: bool
-    limit_scale: float | None
+    T: float  # length of a tick [s]
+    is_pose: bool  # whether the orientation counts
+    limit_scale: float | None  # on velocities and accelerations, with all limits; None: no limits
 
     @property
     def limits(self) -> JointLimits:

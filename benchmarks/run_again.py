@@ -31,23 +31,14 @@ LONGEST = 300.0  # [s] of a run with the motion to its start
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the runs of a task.
-
-    Attributes:
-        finished: How many did.
-        remark: Of the executor, where one did not.
-        shortest: Duration of a run without the motion to its start [s].
-        longest: The same.
-        drift: From the start to the end of a run, of the joint farthest off, at most [rad].
-        filtered: How often the safety filter changed a reference.
-    """
+    """What became of the runs of a task."""
 
     finished: int
-    remark: str
-    shortest: float
+    remark: str  # of the executor, if one did not finish
+    shortest: float  # run without the motion to its start [s]
     longest: float
-    drift: float
-    filtered: int
+    drift: float  # from start to end, of the joint farthest off, at most [rad]
+    filtered: int  # references that the safety filter changed
 
 
 class Arm:
@@ -85,11 +76,7 @@ class Arm:
             self.q = response.command.q_ref
 
     def run_task(self, events: Mapping[float, Callable[[], None]]) -> float:
-        """Run the task; returns how long it took, without the motion to its start [s].
-
-        Args:
-            events: What happens at which fraction of the goal.
-        """
+        """Run the task; returns how long it took, without the motion to its start [s]."""
         self.executor.begin(self.goals.task())
         begun = 0.0  # [s]
         left = dict(events)
@@ -111,12 +98,7 @@ class Arm:
 
 
 def run_again(robot: str, law: str) -> Outcome:
-    """Ten runs of the arm's own task, with a change of the law and a hold.
-
-    Args:
-        robot: A name in ARMS.
-        law: A name in LAWS.
-    """
+    """Ten runs of the arm's own task, with a change of the law and a hold."""
     arm = Arm(robot, law)
     other = 'minimum_velocity' if law != 'minimum_velocity' else 'minimum_acceleration'
     events: dict[int, dict[float, Callable[[], None]]] = {
