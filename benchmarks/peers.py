@@ -24,7 +24,7 @@ OINK_ACCURACY = 1e-9  # [rad]
 
 
 class Target(NamedTuple):
-    """Where the end effector is after one tick. Each peer uses what makes it faster: pose or twist."""
+    """Where the end effector is after one tick. Each peer uses pose or twist, the faster one."""
 
     x: np.ndarray  # (3,) [m]
     R: np.ndarray  # (3, 3); of no effect in a position task

@@ -125,13 +125,10 @@ def damping_table(results: Results) -> str:
 
 def headline(results: Results) -> str:
     """What README says of the laws on the rectangle."""
-    usage = {}
-    for law in ('minimum_velocity', 'minimum_acceleration'):
-        model = RobotModel.named(load_task('rectangle').robot)
-        usage[law] = float(usage_of(results[Case(law)].recording, model).max())
+    model = RobotModel.named(load_task('rectangle').robot)
+    velocity = usage_of(results[Case('minimum_velocity')].recording, model).max()
+    acceleration = usage_of(results[Case('minimum_acceleration')].recording, model).max()
     bounded = results[Case('minimum_velocity', limits=LIMITS)].recording
-    velocity = usage['minimum_velocity']
-    acceleration = usage['minimum_acceleration']
     return (
         f'Near the stretched arm `minimum_velocity` asks a joint for {velocity:.1f} times the\n'
         f'acceleration that it has, `minimum_acceleration` for {acceleration:.0%} of it. Within\n'
@@ -154,10 +151,9 @@ def limits_text(results: Results) -> str:
         results[case].recording
         for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
     )
-    ends = {
-        name: recording['t'][-1] + T - load_task('rectangle').segments * 3.0
-        for name, recording in {'v': velocity_half, 'a': acceleration_half}.items()
-    }
+    nominal = load_task('rectangle').segments * 3.0
+    velocity_lost = velocity_half['t'][-1] + T - nominal
+    acceleration_lost = acceleration_half['t'][-1] + T - nominal
     return (
         f'Near the stretched arm the law of least velocity asks for {fraction:.1f} times the\n'
         "acceleration that a joint has: the paper's robot was stopped there. Within limits the\n"
@@ -165,7 +161,7 @@ def limits_text(results: Results) -> str:
         f'least {within["task_scaling"].min():.2f}, so the task takes '
         f'{within["t"][-1] + T:.2f} s instead of {without["t"][-1] + T:.2f} s.\n'
         'With half the velocities and accelerations allowed, least velocity takes\n'
-        f'{ends["v"]:.2f} s longer and least acceleration {ends["a"]:.2f} s.\n'
+        f'{velocity_lost:.2f} s longer and least acceleration {acceleration_lost:.2f} s.\n'
     )
 
 
