@@ -216,7 +216,7 @@ def rviz(given: dict[str, str], description: str, shared: dict[str, Any]) -> Nod
     frames: list[tuple[str, str]] = []
     if description:
         frames = own_frames(given)
-        urdf = Urdf.read(description)
+        urdf = Urdf.parsed(description)
         [root] = urdf.links.keys() - {joint.child for joint in urdf.joints}
         arguments += ['-f', root]
     by_clock = given['use_sim_time'] or str(shared.get('use_sim_time', False))

@@ -4,14 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
-from redres_ros.robots.kinematics import Bodies, Kinematics
+from redres_ros.robots.kinematics import Bodies
 from redres_ros.types import (
     Cycles,
     InertiaMatrix,
@@ -22,7 +22,6 @@ from redres_ros.types import (
     JointTorques,
     JointVelocities,
     Meters,
-    Points,
     Position,
     Rotation,
     TaskVelocity,
@@ -67,11 +66,9 @@ class RobotState:
 
     # Until a quantity is asked for. A property with such a default takes half of what a
     # functools.cached_property takes.
-    _J: np.ndarray | None = None
+    _tip: tuple[Position, Rotation, Jacobian] | None = None
     _M: np.ndarray | None = None
     _n: np.ndarray | None = None
-    _x: np.ndarray | None = None
-    _R: np.ndarray | None = None
 
     def __init__(
         self,
@@ -102,23 +99,23 @@ class RobotState:
     @property
     def J(self) -> Jacobian:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        if self._J is None:
-            self._J = self.model._tip_jacobian(self.q)
-        return self._J
+        return self._at_tip()[2]
 
     @property
     def x(self) -> Position:
         """Of the tip in the base frame."""
-        if self._x is None:
-            self._x = self.model._tip_position(self.q)
-        return self._x
+        return self._at_tip()[0]
 
     @property
     def R(self) -> Rotation:
         """Of the tip in the base frame."""
-        if self._R is None:
-            self._R = self.model._tip_orientation(self.q)
-        return self._R
+        return self._at_tip()[1]
+
+    def _at_tip(self) -> tuple[Position, Rotation, Jacobian]:
+        """x, R and J: a tick asks for all, and each alone takes as long as they do together."""
+        if self._tip is None:
+            self._tip = self.model._at_tip(self.q)
+        return self._tip
 
     @property
     def M(self) -> InertiaMatrix:
@@ -177,21 +174,13 @@ class RobotModel:
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
-        try:
-            self._model = pin.buildModelFromXML(arm.description())
-        except ValueError as error:
-            raise FileError(f'{arm.source} is not a usable URDF: {error}') from None
+        self.kinematics = arm.kinematics()
+        self._model = self.kinematics.model
         if arm.armature:
             self._model.armature[:] = arm.armature
-        self._portable_arm = arm.with_text()  # now: later the file may have changed, or be gone
         self._data = self._model.createData()
         self._tip = self._frame(arm.tip_frame)
-        self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
-        self._tip_R = self._data.oMf[self._tip].rotation
-        self._tip_J: Any = None  # (6, n), until somebody asks for it
-        # The bytes of the q that these three belong to, or nothing. What computes M, n or a torque
-        # leaves them.
-        self._placed = b''
+        self._tip_placement = self._data.oMf[self._tip]  # in the data: changes with them
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.links = tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
         self.n = self._model.nv
@@ -200,18 +189,14 @@ class RobotModel:
         self.q_max: JointPositions = self._model.upperPositionLimit.copy()
         self.dq_max: JointVelocities = self._model.velocityLimit.copy()
         self.tau_max: JointTorques = self._model.effortLimit.copy()
-        self.reach = self._reach()
+        offsets = reversed(self.kinematics.offsets)
+        self.reach: Meters = float(sum(map(np.linalg.norm, offsets)))  # of the arm in one line
 
     def __reduce__(self) -> tuple[Callable[[Arm], 'RobotModel'], tuple[Arm]]:
         """Pickle and copy by the arm: a copy of Pinocchio's data would no longer be what
-        `_tip_x` and `_tip_R` look at.
+        `_tip_placement` looks at.
         """
-        return type(self), (self._portable_arm,)
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """The moving joints, read from the URDF."""
-        return self.arm.kinematics()
+        return type(self), (self.arm,)
 
     @cached_property
     def bodies(self) -> Bodies:
@@ -273,7 +258,6 @@ class RobotModel:
         """dJ dq: the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
-        self._placed = b''
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, _ALIGNED)
         return ddx.vector.copy()
@@ -281,12 +265,11 @@ class RobotModel:
     def tip(self, q: JointPositions) -> tuple[Position, Rotation]:
         """The tip's pose in the base frame."""
         q = finite_vector(q, self.n, 'q')
-        return self._tip_position(q), self._tip_orientation(q)
+        return self._at_tip(q)[:2]
 
     def pose(self, q: JointPositions, frame: str) -> tuple[Position, Rotation]:
         """Of a link in the base frame."""
         q = finite_vector(q, self.n, 'q')
-        self._placed = b''
         pin.forwardKinematics(self._model, self._data, q)
         placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
         return placement.translation.copy(), placement.rotation.copy()
@@ -295,84 +278,31 @@ class RobotModel:
         """Of a link's origin in the base frame."""
         return self.pose(q, frame)[0]
 
-    def energies_and_positions(
-        self, q: np.ndarray, dq: np.ndarray, frame: str
-    ) -> tuple[np.ndarray, Points]:
-        """1/2 dq' M dq of each tick, (ticks,) [J], without M, and the positions of a link's origin
-        in the base frame; q and dq are (ticks, n).
-        """
-        index = self._frame(frame)
-        place = self._data.oMf[index].translation  # in the data: changes with them
-        self._placed = b''
-        energies = []
-        x = np.empty((len(q), 3))
-        for row, q_k, dq_k in zip(x, q, dq, strict=True):
-            energies.append(pin.computeKineticEnergy(self._model, self._data, q_k, dq_k))
-            pin.updateFramePlacement(self._model, self._data, index)
-            row[:] = place
-        return np.array(energies), x
+    def kinetic_energy(self, q: JointPositions, dq: JointVelocities) -> float:
+        """1/2 dq' M dq [J], without M and without check."""
+        return float(pin.computeKineticEnergy(self._model, self._data, q, dq))
 
     def jacobian(self, q: JointPositions, frame: str) -> Jacobian:
         """Of a link in the base frame, (6, n): the linear rows, then the angular ones."""
         q = finite_vector(q, self.n, 'q')
-        self._placed = b''
-        J: Jacobian = pin.computeFrameJacobian(
-            self._model, self._data, q, self._frame(frame), _ALIGNED
-        )
-        return J
+        return pin.computeFrameJacobian(self._model, self._data, q, self._frame(frame), _ALIGNED)
 
     def check_reach(self, x: Position) -> None:
         """Raise RangeError for a point that is farther from the first joint than all links in one
         line, with linear joints at their longest.
         """
         length = self.reach
-        joint = self._model.frames[self._tip].parentJoint
-        while joint:
-            if self._model.joints[joint].shortname().startswith('JointModelP'):  # prismatic
-                place = self._model.joints[joint].idx_q
-                length += float(max(abs(self.q_min[place]), abs(self.q_max[place])))
-            root = self._model.jointPlacements[joint].translation
-            joint = self._model.parents[joint]
-        distance = float(np.linalg.norm(x - root))
+        for index in self.kinematics.leading:
+            if self.kinematics.joints[index].is_prismatic:
+                length += float(max(abs(self.q_min[index]), abs(self.q_max[index])))
+        first = self.kinematics.joints[self.kinematics.leading[0]]
+        distance = float(np.linalg.norm(x - first.before[:3, 3]))
         if not distance <= length:
             raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
-    def _reach(self) -> Meters:
-        """Length of the arm from its second joint to the tip, stretched out."""
-        tip = self._model.frames[self._tip]
-        reach = np.linalg.norm(tip.placement.translation)
-        joint = tip.parentJoint
-        while self._model.parents[joint]:
-            reach += np.linalg.norm(self._model.jointPlacements[joint].translation)
-            joint = self._model.parents[joint]
-        return float(reach)
-
-    def _tip_position(self, q: JointPositions) -> Position:
-        self._place_tip(q)
-        return self._tip_x.copy()
-
-    def _tip_orientation(self, q: JointPositions) -> Rotation:
-        self._place_tip(q)
-        return self._tip_R.copy()
-
-    def _tip_jacobian(self, q: JointPositions) -> Jacobian:
-        if self._tip_J is None:
-            self._placed = b''
-        self._place_tip(q)
-        J: Jacobian = self._tip_J
-        self._tip_J = None  # the caller may change it
-        return J
-
-    def _place_tip(self, q: JointPositions) -> None:
-        """Compute the tip's pose and its Jacobian, unless q is that of the last call.
-
-        A tick asks for all of them: each alone takes as long as they do together.
-        """
-        key = q.tobytes()
-        if self._placed != key:
-            self._placed = b''  # in case that this fails
-            self._tip_J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
-            self._placed = key
+    def _at_tip(self, q: JointPositions) -> tuple[Position, Rotation, Jacobian]:
+        J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
+        return self._tip_placement.translation.copy(), self._tip_placement.rotation.copy(), J
 
     def _inertia(self, q: JointPositions) -> InertiaMatrix:
         return pin.crba(self._model, self._data, q)  # a copy

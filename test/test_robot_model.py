@@ -25,13 +25,11 @@ BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: te
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
-def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
+def changed_arm(old: str, new: str) -> Arm:
     """The bare arm from a URDF in which one text is replaced by another."""
-    path = tmp_path / 'arm.urdf'
-    text = ARMS['lwr4'].urdf.read_text()
+    text = ARMS['lwr4'].urdf
     assert old in text
-    path.write_text(text.replace(old, new))
-    return replace(ARMS['lwr4'], urdf=path)
+    return replace(ARMS['lwr4'], urdf=text.replace(old, new))
 
 
 # --- the paper's geometry -------------------------------------------------------------------------
@@ -86,7 +84,8 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
 def urdf_links(d: np.ndarray) -> independent.Links:
     """The LWR's inertias as its URDF states them."""
     inertials = [
-        ET.parse(ARMS['lwr4'].urdf).find(f"link[@name='link_{i}']/inertial") for i in range(1, 8)
+        ET.fromstring(ARMS['lwr4'].urdf).find(f"link[@name='link_{i}']/inertial")
+        for i in range(1, 8)
     ]
     mass = np.array([float(inertial.find('mass').get('value')) for inertial in inertials])
     com = np.array(
@@ -234,14 +233,14 @@ def models(tmp_path: Path) -> list[RobotModel]:
     """From every source that a model may have."""
     urdf = ARMS['iiwa7'].urdf
     path = tmp_path / 'my_arm.urdf'
-    path.write_text(urdf.read_text())
+    path.write_text(urdf)
     two_tips = Path(__file__).parents[1] / 'examples' / 'two_arms.urdf'
     made = [RobotModel.named(name) for name in ARMS]
     made += [
         RobotModel.named('lwr4_paper', dynamics='cylinders', base_offset=0.1, tool_offset=0.2),
         RobotModel(find_arm('fr3', tip_frame='fr3_link5')),
         RobotModel.from_urdf(path, 'tool0', effort_limit=(30.0,) * 7),
-        RobotModel(arm_from_urdf(urdf.read_text(), 'tool0')),
+        RobotModel(arm_from_urdf(urdf, 'tool0')),
         RobotModel(Arm(two_tips, tip_frame='left_hand', other_tips=('right_hand',))),
     ]
     path.unlink()  # a copy may be made where the file is not

@@ -374,12 +374,12 @@ def test_where_the_middle_of_the_ranges_is_well_conditioned_it_is_the_start():
     assert start == pytest.approx((limits.lower + limits.upper) / 2.0, abs=1e-12)
 
 
-UNKNOWN = {name: arm.urdf for name, arm in ARMS.items()} | {'test': urdf()}
+UNKNOWN = {name: (arm.urdf, 'tool0') for name, arm in ARMS.items()} | {'test': (urdf(), 'tip')}
 EVERY_URDF = pytest.mark.parametrize('source', UNKNOWN.values(), ids=UNKNOWN)
 
 
-def unknown(source: Path | str) -> Arm:
-    return arm_from_urdf(source, 'tip' if isinstance(source, str) else 'tool0')
+def unknown(source: tuple[str, str]) -> Arm:
+    return arm_from_urdf(*source)
 
 
 def square_of(arm: Arm) -> SquareTask:

@@ -1,13 +1,13 @@
 """An arm: its URDF with offsets and dynamics filled in, and the data a URDF lacks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.chain import UNLIMITED_EFFORT, make_cylinders, tree_to, write_out_joints
 from redres_ros.robots.kinematics import Bodies, Kinematics
-from redres_ros.robots.urdf import Urdf, child, source_name
+from redres_ros.robots.urdf import TEXT, Urdf, child, read_urdf
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
@@ -40,10 +40,11 @@ class Arm:
     """An arm as data. `description()` is the one URDF that Pinocchio, MuJoCo and RViz read alike.
 
     Figures of each joint are (n,), from base to tip. Raises UnknownNameError for unknown dynamics,
-    and RangeError for an offset beyond 2 m or an effort limit outside its range.
+    RangeError for an offset beyond 2 m or an effort limit outside its range, and FileError for a
+    file that cannot be read.
     """
 
-    urdf: Path | str  # the file, or the text of one
+    urdf: Path | str  # the file, of which the text is kept, or the text of one
     tip_frame: str  # the link that carries out tasks
     elbow_frame: str = ''  # the link whose origin counts as the elbow; empty: none
     base_offset: float = 0.0  # height of the arm above the URDF's root link [m]
@@ -63,8 +64,12 @@ class Arm:
     assumptions: tuple[str, ...] = ()  # what was assumed of the arm, a sentence each
     other_tips: tuple[str, ...] = ()  # further links whose joints move, as of a second arm
     effort_limit: tuple[float, ...] = ()  # [Nm], or [N] of a sliding joint; empty: the URDF's own
+    source: str = TEXT  # the URDF's name in errors
 
     def __post_init__(self) -> None:
+        if isinstance(self.urdf, Path):
+            object.__setattr__(self, 'source', str(self.urdf))
+            object.__setattr__(self, 'urdf', read_urdf(self.urdf))
         if self.dynamics not in DYNAMICS:
             raise UnknownNameError('dynamics', self.dynamics, DYNAMICS)
         for name in ('base_offset', 'tool_offset'):
@@ -74,42 +79,10 @@ class Arm:
             if not 0.0 < effort <= UNLIMITED_EFFORT:
                 raise RangeError('effort_limit', effort, 0.0, UNLIMITED_EFFORT, 'Nm, above 0')
 
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields, for pickle and copy. A URDF of this package is stored by its name: where the
-        arm is loaded, the package may be installed elsewhere.
-        """
-        state = self.__dict__.copy()
-        if isinstance(self.urdf, Path):
-            state['urdf'] = Path(self.urdf.name) if self._is_shipped else self.urdf.absolute()
-        return state
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        if isinstance(self.urdf, Path):
-            self.__dict__['urdf'] = FOLDER / self.urdf  # an absolute path stays as it is
-
-    def with_text(self) -> 'Arm':
-        """The same arm with the URDF's text, for hosts that lack the file, unless it is of this
-        package. Raises FileError.
-        """
-        if isinstance(self.urdf, str) or self._is_shipped:
-            return self
-        return replace(self, urdf=Urdf.read(self.urdf).text())
-
-    @property
-    def _is_shipped(self) -> bool:
-        """Whether the URDF is a file of this package."""
-        return isinstance(self.urdf, Path) and self.urdf.parent == FOLDER
-
     @property
     def armature(self) -> tuple[float, ...]:
         """Rotor inertias that belong to the chosen dynamics; empty: none."""
         return self.rotor_inertia if self.dynamics == 'identified' else ()
-
-    @property
-    def source(self) -> str:
-        """The URDF's name in errors."""
-        return source_name(self.urdf)
 
     def description(self) -> str:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.
@@ -143,7 +116,7 @@ class Arm:
 
     def _prepared(self) -> tuple[Urdf, list[str]]:
         """The URDF ready for use, and remarks on it."""
-        urdf = Urdf.read(self.urdf)
+        urdf = Urdf.parsed(str(self.urdf), self.source)
         for mount, offset in (('base_mount', self.base_offset), ('tool_mount', self.tool_offset)):
             if offset:
                 _set_offset(urdf, mount, offset)

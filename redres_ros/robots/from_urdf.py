@@ -49,11 +49,13 @@ def arm_from_urdf(
     """
     arm = Arm(
         source,
-        tip_frame or _last_link(source),
+        tip_frame,
         elbow_frame,
         acceleration_limit=acceleration_limit,
         effort_limit=effort_limit,
     )
+    if not tip_frame:
+        arm = replace(arm, tip_frame=_last_link(arm))
     kinematics = arm.kinematics()
     if kinematics.n < _FEWEST_JOINTS:
         raise FileError(
@@ -87,9 +89,9 @@ def arm_from_urdf(
     )
 
 
-def _last_link(source: Path | str) -> str:
+def _last_link(arm: Arm) -> str:
     """The link at the end of an arm without branches."""
-    urdf = Urdf.read(source)
+    urdf = Urdf.parsed(str(arm.urdf), arm.source)
     parents = {joint.parent for joint in urdf.joints}
     ends = [link for link in urdf.links if link not in parents]
     if len(ends) != 1:

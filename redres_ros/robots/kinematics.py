@@ -47,7 +47,7 @@ class Kinematics:
             model = pin.buildModelFromXML(description)
         except ValueError as error:
             raise FileError(f'Pinocchio cannot use {source}: {reason_of(error)}') from None
-        self._model = model
+        self.model = model
         self._data = model.createData()
         self._tip = model.getFrameId(tip_frame, pin.BODY)
         links = [frame for frame in model.frames if frame.type == pin.BODY]
@@ -64,7 +64,7 @@ class Kinematics:
 
     def _joint(self, index: int) -> MovingJoint:
         """The joint of that index, which is one less than in Pinocchio's model."""
-        model = self._model
+        model = self.model
         J = pin.computeJointJacobian(model, self._data, pin.neutral(model), index + 1)
         linear, angular = np.split(J[:, index], 2)  # in the joint's own frame
         is_prismatic = bool(linear.any())
@@ -111,14 +111,14 @@ class Kinematics:
 
     def position(self, q: JointPositions) -> Position:
         """The tip's position in the base frame."""
-        pin.forwardKinematics(self._model, self._data, q)
-        tip = pin.updateFramePlacement(self._model, self._data, self._tip)
+        pin.forwardKinematics(self.model, self._data, q)
+        tip = pin.updateFramePlacement(self.model, self._data, self._tip)
         return tip.translation.copy()
 
     def jacobian(self, q: JointPositions) -> Jacobian:
         """The Jacobian of the tip in the base frame, (6, n), linear rows first."""
         return pin.computeFrameJacobian(
-            self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
+            self.model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
         )
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError, reason_of
 from redres_ros.files.installation import remedy
-from redres_ros.files.text import read_file
+from redres_ros.files.text import attempting
 
 if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for numpy 1.26, too
     raise ImportError(
@@ -20,7 +20,7 @@ if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for nu
         f'remove it, then: {remedy("pinocchio")}'
     )
 
-_LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
+TEXT = 'the robot description'  # name in errors of a URDF that is no file
 
 
 @dataclass(frozen=True)
@@ -46,22 +46,17 @@ class Urdf:
     source: str
 
     @classmethod
-    def read(cls, source: Path | str) -> 'Urdf':
-        """A URDF from a file (Path), or from its text (str); a .xacro file is converted first.
-        Raises FileError.
-        """
-        name = source_name(source)
+    def parsed(cls, text: str, source: str = TEXT) -> 'Urdf':
+        """A URDF from its text. Raises FileError."""
         try:
-            robot = ET.fromstring(source if isinstance(source, str) else _read(source))
-        except OSError as error:
-            raise FileError(f'cannot read the URDF {name}: {error.strerror}') from None
+            robot = ET.fromstring(text)
         except (ET.ParseError, ValueError) as error:
-            raise FileError(f'{name} is not a URDF:  {error}') from None
+            raise FileError(f'{source} is not a URDF:  {error}') from None
         if robot.tag != 'robot' or not robot.findall('link'):
-            raise FileError(f'{name} is not a URDF:  expected a robot with at least one link')
+            raise FileError(f'{source} is not a URDF:  expected a robot with at least one link')
         if any('/xacro}' in element.tag for element in robot.iter()):
-            raise FileError(f'{name} holds xacro; expected the ending .xacro, or a plain URDF')
-        return cls(robot, name)
+            raise FileError(f'{source} holds xacro; expected the ending .xacro, or a plain URDF')
+        return cls(robot, source)
 
     def text(self) -> str:
         """The URDF as it is now."""
@@ -132,11 +127,6 @@ class Urdf:
         return H
 
 
-def source_name(source: Path | str) -> str:
-    """The name in errors of a URDF from a file (Path) or of its text (str)."""
-    return str(source) if isinstance(source, Path) else 'the robot description'
-
-
 def child(element: ET.Element, tag: str) -> ET.Element:
     """The element's first child of that tag, made if there is none."""
     found = element.find(tag)
@@ -153,11 +143,12 @@ def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.nd
     return H
 
 
-def _read(path: Path) -> str:
-    """The text of a URDF. Raises OSError, UnicodeDecodeError, FileError."""
+def read_urdf(path: Path) -> str:
+    """The text of a URDF file; a .xacro file is converted. Raises FileError."""
+    with attempting(f'read the URDF {path}'):
+        text = path.read_text(encoding='utf-8')
     if path.suffix != '.xacro':
-        return read_file(path, _LARGEST).decode()
-    read_file(path, _LARGEST)  # whether it is there
+        return text
     try:
         xacro = import_module('xacro')
     except ImportError:

@@ -120,15 +120,16 @@ class Effort:
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
-        energies, elbow = model.energies_and_positions(q, dq, model.arm.elbow_frame)
+        energy = sum(map(model.kinetic_energy, q, dq))
+        elbow = np.array([model.position(q_k, model.arm.elbow_frame) for q_k in q])  # (ticks, 3)
         return cls(
             recording.peak('joint_acceleration_norm')[0],
             recording.peak('joint_velocity_norm')[0],
             recording.peak('joint_torque_norm')[0],
             squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
-            kinetic_energy=T * float(energies.sum()),
-            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
+            kinetic_energy=T * energy,
+            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),
             violation=_first_violation(recording, JointLimits.of(model.arm)),
             finished=recording.finished,
             ending=recording.ending,
