@@ -15,10 +15,8 @@ def quoted(value: Any) -> str:
         value = value.item()  # of numpy, whose repr names the type
     try:
         text = ' '.join(repr(value).split())
-    except ValueError:  # an integer with more digits than Python is willing to print
-        text = f'a number of {value.bit_length()} bits'
-    except RecursionError:
-        text = 'a value that is nested too deeply'
+    except (ValueError, RecursionError):  # a number of too many digits, or lists nested too deeply
+        text = f'a value of type {type(value).__name__}'
     if len(text) <= _LONGEST:
         return text
     return f'{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}'

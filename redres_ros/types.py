@@ -5,6 +5,7 @@ sliding joint has metres where a turning one has radians.
 """
 
 import math
+from contextlib import suppress
 from typing import Annotated, Any
 
 import numpy as np
@@ -70,15 +71,7 @@ def check_finite(vector: np.ndarray, name: str) -> None:
 
 
 def _as_floats(values: Any, size: int, name: str) -> np.ndarray:
-    """A copy of the values as an array of float64; not of a mask, whose values numpy would drop."""
-    problem = ''
-    try:
-        if np.ma.is_masked(values):
-            problem = 'has masked values'
-        elif np.asarray(values).dtype.kind not in 'iufO':
-            problem = f'is {quoted(values)}'
-        else:
+    with suppress(TypeError, ValueError, OverflowError):
+        if not np.ma.is_masked(values) and np.asarray(values).dtype.kind in 'iufO':
             return np.array(values, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None
-    raise ArrayError(f'{name} {problem}; expected {size} real numbers')
+    raise ArrayError(f'{name} is {quoted(values)}; expected {size} real numbers')

@@ -37,8 +37,8 @@ class FloatingArm:
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        return np.zeros((6, self.n))
+    def _at_tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.zeros(3), np.eye(3), np.zeros((6, self.n))
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return np.zeros(len(q))

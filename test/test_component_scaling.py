@@ -10,7 +10,8 @@ from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, 
 
 from redres_ros import Controller, RobotModel
 from redres_ros.errors import UnknownNameError
-from redres_ros.geometry import rotation_matrix, rotation_vector
+from redres_ros.geometry import rotation_matrix
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
 from redres_ros.solver import Box, Constrained, solve_constrained
@@ -202,10 +203,10 @@ def test_an_operator_at_his_position_can_turn_the_tip_where_both_lock_each_other
     R_d = rotation_matrix(0.77 * np.array((-0.32, -0.80, 0.51))) @ R
 
     def back(x: np.ndarray, R: np.ndarray) -> np.ndarray:
-        return np.concatenate((1.5 * (x_d - x), 0.8 * rotation_vector(R_d @ R.T)))
+        return np.concatenate((1.5 * (x_d - x), 0.8 * rotation_error(R, R_d)))
 
     _, R = steered(q, back, 1500)
-    assert np.linalg.norm(rotation_vector(R_d @ R.T)) < 0.6
+    assert np.linalg.norm(rotation_error(R, R_d)) < 0.6
 
 
 @pytest.mark.parametrize(

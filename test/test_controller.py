@@ -369,9 +369,9 @@ def test_a_number_of_missed_cycles_that_cannot_be_is_refused(model, task, missed
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        (lambda q: np.ma.masked_array(q, mask=[True] + 6 * [False]), 'has masked values'),
+        (lambda q: np.ma.masked_array(q, mask=[True] + 6 * [False]), 'masked'),
         (lambda q: q.astype(str), '7 real numbers'),
-        (lambda q: [10**400, *q[1:]], '7 numbers'),
+        (lambda q: [10**400, *q[1:]], '7 real numbers'),
         (lambda q: None, 'has shape'),
     ],
     ids=['masked', 'text', 'too large', 'nothing'],

@@ -134,20 +134,15 @@ def test_orientations_that_leave_something_open_are_refused(tmp_path, given):
 
 # --- hostile ones: each ends at once, with one line -----------------------------------------------
 
-LAUGHS = 'a0: &a0 [1, 1]\n' + ''.join(
-    f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]\n' for i in range(1, 30)
-)
 HOSTILE = {
     'a number of 400 digits': ('waypoints: [[1' + '0' * 400 + ', 0, 0], [0, 0, 0]]', 'waypoints'),
     'a number of 400 digits in a scalar': ('segment_time: 1' + '0' * 400, 'segment_time'),
     'a number of 9000 digits': ('tolerance: 1' + '0' * 9000, 'is not YAML'),
     'lists in lists': ('waypoints: ' + '[' * 3000 + ']' * 3000, 'nested too deeply'),
-    'an alias bomb': (LAUGHS, 'its aliases stand for more'),
     'an alias of itself': ('waypoints: &a [*a]', 'its aliases'),
     'a point at 1e300': ('waypoints: [[1.0e+300, 0, 0], [0, 0, 0]]', 'none beyond 100'),
     'a joint at 1e300': ('start: [1.0e+300]', 'none beyond 36000'),
     'a list for a name': ('robot: [lwr4]', 'robot'),
-    'more than there is memory for': ('# ' + 'x' * 1_000_000, 'is too large'),
 }
 
 

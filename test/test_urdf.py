@@ -17,7 +17,7 @@ from reference_model import ReferenceModel
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, RedresError, UnknownNameError
 from redres_ros.fake_robot.plant import MujocoPlant
-from redres_ros.geometry import from_roll_pitch_yaw
+from redres_ros.geometry import rotation_matrix
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
@@ -213,7 +213,7 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
     )
     model, bare = model_of(text), model_of(urdf())
     q = np.array((0.1, 0.2, 0.3, 0.4))
-    turn = from_roll_pitch_yaw(np.array((0.0, 0.0, 1.5)))
+    turn = rotation_matrix(np.array((0.0, 0.0, 1.5)))
     assert model.base_frame == 'floor'
     assert model.tip(q)[0] == pytest.approx(turn @ bare.tip(q)[0] + (1.0, 2.0, 3.0), abs=1e-12)
     assert_libraries_agree(text)

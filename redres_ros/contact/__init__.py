@@ -1,17 +1,394 @@
 """Contact: impedance and force through a position interface, and reactions to faults.
 
+| event | reaction |
+|---|---|
+| a wrench that is stale or not finite | hold |
+| a force above `force_limit` | retreat along the force, then hold |
+| no contact while force is asked for | search, bounded in speed and distance, then hold |
+
 The pure part: no ROS, usable beside a Controller in any closed loop.
 """
 
-from redres_ros.contact.admittance import BASE, TIP, Admittance, AdmittanceSettings
-from redres_ros.contact.contact_control import ContactControl, ContactError, TareError
+from collections import deque
+from dataclasses import dataclass
+from functools import partial
+from typing import Self
 
-__all__ = [
-    'BASE',
-    'TIP',
-    'Admittance',
-    'AdmittanceSettings',
-    'ContactControl',
-    'ContactError',
-    'TareError',
-]
+import numpy as np
+
+from redres_ros.command import Command
+from redres_ros.errors import ArrayError, RangeError, RedresError
+from redres_ros.geometry import quintic
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robot_model import RobotState
+from redres_ros.types import Cycles, Rotation, Seconds, TaskVelocity, Wrench
+
+BASE = 'base'
+TIP = 'tip'
+_AT_REST = 1e-6  # [m/s], [rad/s] of a yielding motion that is none
+_live = partial(param, live=True)
+
+# A robot's own workspace and speed limits allow these, and a surface takes a dent of them.
+_SEARCH_SPEED = 0.02  # [m/s], largest at which a contact is approached
+_SEARCH_DISTANCE = 0.05  # [m] after which an approach without contact ends
+_RETREAT_SPEED = 0.02  # [m/s]
+_RETREAT_DISTANCE = 0.01  # [m]
+_RETREAT_TIME = 3.0  # times what it takes at full speed, after which a retreat ends anyway
+_TOUCHES = 0.25  # of the desired force, which counts as contact
+_TARED = 100  # wrenches whose mean a tare takes
+_FEWEST = 10
+_IMPOSSIBLE = 1e9  # [N], [Nm]; squares of much more would overflow
+
+
+@dataclass(frozen=True)
+class AdmittanceSettings:
+    """Mass, damping, stiffness and desired force for each direction, and when the arm stops.
+
+    Arrays have 3 values for a task velocity of 3 rows, 6 for one of 6: three directions, and the
+    rotations about them.
+
+    Raises:
+        RangeError: A value that is not allowed, or a direction without mass, damping and stiffness.
+        ArrayError: Arrays of different or other lengths.
+    """
+
+    enabled: bool = _live(False, 'yield to the measured wrench')
+    frame: str = _live(BASE, 'frame of the directions: base, tip or the name of a link')
+    mass: tuple[float, ...] = _live((0.0,) * 3, 'M_d [kg], [kg m^2]; 0: pure damping', 0.0, 1e4)
+    damping: tuple[float, ...] = _live((1000.0,) * 3, 'D_d [N s/m], [Nm s/rad]', 0.0, 1e6)
+    stiffness: tuple[float, ...] = _live(
+        (0.0,) * 3, 'K_d [N/m], [Nm/rad]; 0: no return to the commanded path', 0.0, 1e6
+    )
+    force: tuple[float, ...] = _live(
+        (0.0,) * 3, 'f_d, desired force and moment of the environment [N], [Nm]', -1e3, 1e3
+    )
+    force_limit: float = _live(
+        100.0, 'force above which the tip retreats and the arm holds [N]', 1.0, 1e4
+    )
+    wrench_timeout: float = _live(
+        0.05, 'age at which a wrench counts as stale and the arm holds [s]', 0.001, 10.0
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        rows = len(self.damping)
+        for name in ('mass', 'damping', 'stiffness', 'force'):
+            size = len(getattr(self, name))
+            if size != rows or size not in (3, 6):
+                raise ArrayError(f'{name} holds {size} values; expected 3 or 6, like damping')
+        for row in range(rows):
+            if not self.mass[row] + self.damping[row] + self.stiffness[row] > 0.0:
+                name = f'damping of direction {row + 1}'
+                raise RangeError(name, self.damping[row], 0.0, 1e6, 'not 0 alone')
+
+    @classmethod
+    def of_rows(cls, rows: int) -> Self:
+        """The defaults for a task velocity of 3 or 6 rows."""
+        if rows == 3:
+            return cls()
+        none = (0.0,) * rows
+        damping = (1000.0, 1000.0, 1000.0, 50.0, 50.0, 50.0)
+        return cls(mass=none, damping=damping, stiffness=none, force=none)
+
+    def check(self, rows: int) -> None:
+        """Raise ArrayError for settings of a task velocity with another number of rows."""
+        if len(self.damping) != rows:
+            raise ArrayError(
+                f'damping holds {len(self.damping)} values; expected {rows}, as many as dx has'
+            )
+
+    def desired_force(self, state: RobotState) -> np.ndarray:
+        """f_d in the axes of the base, (3,) [N]."""
+        return self._rotation(state) @ np.array(self.force[:3])
+
+    def rate(
+        self, wrench: Wrench, e: np.ndarray, de: TaskVelocity, T: Seconds, state: RobotState
+    ) -> TaskVelocity:
+        """The next de, for e (m,), the last de and a wrench, all in the axes of the base."""
+        R = self._rotation(state)
+        f = _turned(R.T, wrench[: len(e)])
+        e = _turned(R.T, e)
+        mass = np.array(self.mass) / T
+        stiffness = np.array(self.stiffness)
+        resistance = mass + np.array(self.damping) + stiffness * T
+        force = mass * _turned(R.T, de) + f - np.array(self.force) - stiffness * e
+        return _turned(R, force / resistance)
+
+    def _rotation(self, state: RobotState) -> Rotation:
+        """Of the frame of the directions."""
+        if self.frame == BASE:
+            return np.eye(3)
+        return state.rotation('' if self.frame == TIP else self.frame)
+
+
+class Admittance:
+    """dx = dx_d + de, with M dde + D de + K e = f - f_d in each direction of a frame, e = x - x_d.
+
+    Implicit Euler, stable for every mass, also none:
+
+        de_k = (M/T + D + K T)^-1 (M/T de_{k-1} + f - f_d - K e_{k-1})
+
+    K > 0, f_d = 0 is an impedance; K = 0, f_d not 0 controls the force in that direction. Changes
+    of the settings, on and off, are faded over the switch time [s]: none is a jump.
+    """
+
+    def __init__(
+        self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
+    ) -> None:
+        self.T = T
+        self.switch_time = switch_time
+        self.settings = settings  # the requested ones; during a fade they wait for its end
+        self.restart()
+
+    def restart(self) -> None:
+        """Restart from rest, at x = x_d; the admittance is faded in again."""
+        self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
+        self._new: AdmittanceSettings | None = None
+        self._faded = 1.0  # fraction of the fade that is over
+        m = len(self.settings.damping)
+        self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
+        self.de = np.zeros(m)  # its velocity in the last tick, (m,)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it acts, or will."""
+        return self.settings.enabled or self._new is not None or self._old is not None
+
+    def rate(self, wrench: Wrench, state: RobotState) -> TaskVelocity:
+        """de of this tick in the base frame, for the wrench that the environment exerts on the tip,
+        in the axes of the base.
+        """
+        self._advance()
+        new = self._rate_of(self._new, wrench, state)
+        if self._faded >= 1.0:
+            return new
+        c, _ = quintic(self._faded)
+        return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
+
+    def record(self, command: Command, dx: TaskVelocity) -> None:
+        """Record what was executed of the desired dx_d and of de: limits may have slowed it."""
+        self.de = command.J @ command.dq - command.s * dx
+        self.e = self.e + self.T * self.de
+        if not self.is_on:
+            self.e = np.zeros(len(self.e))
+
+    def _advance(self) -> None:
+        """Advance a fade by one cycle; begin one if other settings are asked for."""
+        if self._faded >= 1.0:
+            self._old = None
+            desired = self.settings if self.settings.enabled else None
+            if desired == self._new:
+                return
+            self._old = self._new
+            self._new = desired
+            self._faded = 0.0
+        self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
+
+    def _rate_of(
+        self, settings: AdmittanceSettings | None, wrench: Wrench, state: RobotState
+    ) -> TaskVelocity:
+        if settings is None:  # off
+            return np.zeros(len(self.e))
+        return settings.rate(wrench, self.e, self.de, self.T, state)
+
+
+class ContactError(RedresError):
+    """A contact that has gone wrong: the arm is to hold."""
+
+
+class TareError(RedresError):
+    """A tare that cannot be made."""
+
+
+class _ForceSensor:
+    """Turns measured wrenches into force and moment of the environment on the tip."""
+
+    def __init__(self, timeout: Seconds, T: Seconds) -> None:
+        self.timeout = timeout
+        self._T = T
+        self._bias = np.zeros(6)  # in the axes of the sensor
+        self._recent: deque[Wrench] = deque(maxlen=_TARED)
+        self._frame = ''  # the link in whose axes and about whose origin they are; '' is the tip
+        self._age = np.inf  # [s]
+
+    def enter(self, wrench: Wrench, frame: str = '') -> None:
+        """Record a wrench that the environment exerts, about the origin and along the axes of a
+        link; '' is the tip.
+        """
+        if frame != self._frame:
+            self._recent.clear()
+            self._frame = frame
+        self._recent.append(np.array(wrench, dtype=np.float64))
+        self._age = 0.0
+
+    def advance(self, cycles: Cycles) -> None:
+        """Advance the age of the wrench."""
+        self._age += cycles * self._T
+
+    @property
+    def problem(self) -> str:
+        """Why the wrench cannot be used; '' if it can."""
+        if not self._age <= self.timeout:
+            return f'no wrench for {self.timeout:g} s (admittance.wrench_timeout)'
+        raw = self._recent[-1]
+        if not float(np.abs(raw).max()) < _IMPOSSIBLE:
+            return f'the wrench is {raw.tolist()}; expected finite values below {_IMPOSSIBLE:g}'
+        return ''
+
+    def at_tip(self, state: RobotState) -> Wrench:
+        """Force and moment about the tip in the axes of the base, if a usable wrench has come."""
+        x, R = state.pose(self._frame)
+        measured = self._recent[-1] - self._bias
+        force = R @ measured[:3]
+        moment = R @ measured[3:] + np.cross(x - state.x, force)
+        return np.concatenate((force, moment))
+
+    def tare(self) -> None:
+        """Take what is measured now for the sensor's bias: the arm is at rest and touches nothing.
+
+        Raises TareError for a wrench that cannot be used.
+        """
+        if self.problem:
+            raise TareError(self.problem)
+        if len(self._recent) < _FEWEST:
+            raise TareError(f'{len(self._recent)} wrenches have come; expected {_FEWEST} or more')
+        mean = np.mean(self._recent, axis=0)
+        if not np.isfinite(mean).all():
+            raise TareError('some of the last wrenches are not finite')
+        self._bias = mean
+
+
+class ContactControl(Admittance):
+    """Admittance with its force sensor, and reactions to faults of contact.
+
+    In a closed loop:
+
+        contact.sensor.enter(wrench)
+        velocity = contact.velocity(dx, state)
+        command = controller.update(q, velocity)
+        contact.record(command, dx)
+    """
+
+    def __init__(
+        self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
+    ) -> None:
+        super().__init__(settings, T, switch_time=switch_time)
+        self.sensor = _ForceSensor(settings.wrench_timeout, T)
+        self.force = np.zeros(3)  # on the tip at the last tick, in the base frame, (3,) [N]
+
+    @property
+    def moves(self) -> bool:
+        """Whether the last tick yielded to something, or retreated."""
+        yields = bool((np.abs(self.de) > _AT_REST).any())
+        return self.is_on and (self.retreats or yields)
+
+    @property
+    def retreats(self) -> bool:
+        """Whether the tip retreats."""
+        return self._retreat is not None
+
+    def set_settings(self, settings: AdmittanceSettings) -> None:
+        """Go over to other settings, without a jump. Raises ArrayError for some that do not suit
+        the task; the old ones then stay.
+        """
+        settings.check(len(self.settings.damping))
+        self.settings = settings
+        self.sensor.timeout = settings.wrench_timeout
+
+    def restart(self) -> None:
+        """Restart from rest, where the arm is."""
+        super().restart()
+        self.warning = ''  # the reason of a retreat, and of the stop that follows
+        self._searched = 0.0  # [m]
+        self._retreat: np.ndarray | None = None  # direction, (3,)
+        self._left = 0.0  # [m] of the retreat
+        self._ticks = 0  # of the retreat
+        self._toward = np.zeros(3)  # direction of a search under way, (3,)
+
+    def velocity(self, dx: TaskVelocity, state: RobotState, missed: Cycles = 0) -> TaskVelocity:
+        """The task velocity dx_d + de, or that of a retreat; then call record().
+
+        The state is as measured; `missed` cycles went without a call since the last one. Raises
+        ContactError if the arm is to hold.
+        """
+        self.sensor.advance(missed + 1)
+        if not self.is_on:
+            return dx
+        if self._retreat is not None:
+            return self._retreating(self._retreat, len(dx))
+        if problem := self.sensor.problem:
+            raise ContactError(problem)
+        wrench = self.sensor.at_tip(state)
+        self.force = wrench[:3]
+        size = float(np.linalg.norm(self.force))
+        if size > self.settings.force_limit:
+            self.warning = (
+                f'a force of {size:.4g} N on the tip, allowed {self.settings.force_limit:g} '
+                '(admittance.force_limit): retreating'
+            )
+            self._retreat = self.force / size
+            self._left = _RETREAT_DISTANCE
+            return self._retreating(self._retreat, len(dx))
+        self.warning = ''
+        rate = self.rate(wrench, state)
+        self._bound_search(rate, state)
+        return dx + rate
+
+    def record(self, command: Command, dx: TaskVelocity) -> None:
+        """Record what was executed of the desired velocity dx_d and of what was added to it."""
+        if not self.is_on:
+            return
+        super().record(command, dx)
+        moved = self.T * (command.J @ command.dq)[:3]
+        if self._retreat is not None:
+            self._left -= float(moved @ self._retreat)
+        self._searched += float(moved @ self._toward)
+
+    def asks(self, state: RobotState, missed: Cycles = 0) -> bool:
+        """Whether an arm that is at rest is to move: a wrench or a desired force asks for it.
+
+        It is called in place of velocity().
+        """
+        self.sensor.advance(missed + 1)
+        if not self.settings.enabled:
+            super().restart()
+            return False
+        if self.sensor.problem:
+            return False
+        self.de = np.zeros(len(self.de))
+        rate = self.rate(self.sensor.at_tip(state), state)
+        return bool((np.abs(rate) > _AT_REST).any())
+
+    def _retreating(self, direction: np.ndarray, rows: int) -> TaskVelocity:
+        """The velocity of a retreat along (3,). Raises ContactError once it is over."""
+        usual = _RETREAT_DISTANCE / (_RETREAT_SPEED * self.T)  # ticks
+        self._ticks += 1
+        if self._left <= 0.0 or self._ticks > _RETREAT_TIME * usual:
+            raise ContactError(self.warning.replace('retreating', 'the tip has retreated'))
+        velocity = np.zeros(rows)
+        velocity[:3] = _RETREAT_SPEED * direction
+        return velocity
+
+    def _bound_search(self, rate: TaskVelocity, state: RobotState) -> None:
+        """Bound the speed in rate, and the distance, while force is asked for and nothing touches.
+        Raises ContactError if no contact was found.
+        """
+        desired = self.settings.desired_force(state)
+        size = float(np.linalg.norm(desired))
+        if size == 0.0 or float(self.force @ desired) > _TOUCHES * size**2:
+            self._searched = 0.0
+            self._toward = np.zeros(3)
+            return
+        if self._searched > _SEARCH_DISTANCE:
+            raise ContactError(
+                f'no contact within {_SEARCH_DISTANCE:g} m while {size:g} N are asked for'
+            )
+        self._toward = -desired / size  # the tip pushes against the environment
+        excess = float(rate[:3] @ self._toward) - _SEARCH_SPEED
+        if excess > 0.0:
+            rate[:3] -= excess * self._toward
+
+
+def _turned(R: Rotation, vector: np.ndarray) -> np.ndarray:
+    """A vector (3,), or two of them (6,), from the axes of the orientation R into others."""
+    return (vector.reshape(-1, 3) @ R.T).reshape(-1)

@@ -1,11 +1,7 @@
-"""Reads and writes files that users name, YAML among them: within limits of size, and with errors
-in one line.
-"""
+"""Reads and writes files that users name, YAML among them, with errors in one line."""
 
 import json
 import math
-import os
-import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,27 +9,7 @@ from typing import Any
 
 from redres_ros.errors import FileError, reason_of
 
-# Of a YAML file:
-_LARGEST = 200_000  # [bytes], some seconds of PyYAML's time
-_MOST_NODES = 100_000  # every alias counted as what it stands for
-_DEEPEST = 50  # lists within lists; PyYAML's time grows with the square of them
-
-
-def read_file(path: Path, largest: int) -> bytes:
-    """The content of a regular file of an allowed size [bytes]; a pipe or a device may never end.
-
-    Raises:
-        OSError: It cannot be opened.
-        FileError: It is not a regular file, or too large.
-    """
-    # Without O_NONBLOCK the opening of a pipe would wait for somebody who writes.
-    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), 'rb') as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise FileError(f'{path} is not a regular file')
-        content = file.read(largest + 1)
-    if len(content) > largest:
-        raise FileError(f'{path} is too large; allowed: {largest} bytes')
-    return content
+_MOST_NODES = 100_000  # of a YAML file, every alias counted as what it stands for
 
 
 @contextmanager
@@ -63,30 +39,21 @@ def write_json(content: Mapping[str, object], path: Path) -> None:
 
 
 def read_yaml(path: Path) -> Any:
-    """The content of a file. Raises FileError if it cannot be read, is too large or deep, or is no
-    YAML.
-    """
+    """The content of a file. Raises FileError."""
     import yaml  # for files alone
 
     with attempting(f'read {path}'):
-        content = read_file(path, _LARGEST)
+        content = path.read_bytes()
     try:
         text = content.decode()
-        depth = 0
-        for event in yaml.parse(text, yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > _DEEPEST:
-                raise FileError(f'{path} is nested too deeply')
-        loader = yaml.SafeLoader(text)
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        if _size(node, {}) > _MOST_NODES:
+        node = yaml.compose(text, yaml.SafeLoader)
+        if node and _size(node, {}) > _MOST_NODES:
             raise yaml.YAMLError(f'its aliases stand for more than {_MOST_NODES} values')
-        return loader.construct_document(node)
+        return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
+    except RecursionError:
+        raise FileError(f'{path} is nested too deeply') from None
 
 
 def _size(node: Any, known: dict[int, float]) -> float:

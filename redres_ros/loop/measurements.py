@@ -108,7 +108,7 @@ class Measurements:
         once a tick.
         """
         self._time += (missed + 1) * self._controller.T
-        self._is_idle = self._is_idle and not self.contact.admittance.settings.enabled
+        self._is_idle = self._is_idle and not self.contact.settings.enabled
         if self._is_idle:
             self._usable = self._time
             return

@@ -84,7 +84,7 @@ class Sensors:
         Changes of other parameters are ignored.
         """
         if 'switch_time' in changes:
-            self.contact.admittance.switch_time = changes['switch_time']
+            self.contact.switch_time = changes['switch_time']
         settings = with_changes(self.contact.settings, changes, _PREFIX)
         if settings != self.contact.settings:
             self.contact.set_settings(settings)
