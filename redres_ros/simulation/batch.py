@@ -184,7 +184,7 @@ def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
     """The arm with the text of its URDF, and a task that is not random. Raises RedresError."""
     load_plugins(case.plugins)
     arm = choose_arm(case.robot, case.tip_frame, case.elbow_frame)
-    arm = replace(arm, dynamics=case.dynamics).with_text()
+    arm = replace(arm, dynamics=case.dynamics)
     model = RobotModel(arm)
     task = None
     if case.task not in RANDOM_TASKS:
