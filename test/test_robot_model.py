@@ -25,13 +25,6 @@ BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: te
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
-def changed_arm(old: str, new: str) -> Arm:
-    """The bare arm from a URDF in which one text is replaced by another."""
-    text = ARMS['lwr4'].urdf
-    assert old in text
-    return replace(ARMS['lwr4'], urdf=text.replace(old, new))
-
-
 # --- the paper's geometry -------------------------------------------------------------------------
 
 
