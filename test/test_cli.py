@@ -344,7 +344,7 @@ def test_a_task_with_orientations_is_done_in_six_dimensions(tmp_path):
 def test_a_robot_may_be_a_file(tmp_path, capsys):
     arm = ARMS['iiwa7']
     options = ['--task', arm.task, '--period', '0.01', '--law', 'minimum_velocity']
-    for robot in ('iiwa7', str(arm.urdf)):
+    for robot in ('iiwa7', arm.source):
         path = tmp_path / f'{len(robot)}.csv'
         assert main(['simulate', *options, '--robot', robot, '--out', str(path)]) == 0
     a, b = (path.read_text() for path in tmp_path.glob('*.csv'))
@@ -354,7 +354,7 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        (('--robot', str(ARMS['iiwa7'].urdf), '--tip', 'hand'), "unknown frame 'hand'; "),
+        (('--robot', ARMS['iiwa7'].source, '--tip', 'hand'), "unknown frame 'hand'; "),
         (('--prefer', 'posture', '--set', 'posture.target=[0]'), '--set posture.target is not for'),
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
@@ -380,7 +380,7 @@ def test_what_the_nodes_could_not_do_is_refused_before_they_start(
 
 
 def test_another_tip_gets_a_path_of_its_own(capsys):
-    urdf = str(ARMS['iiwa7'].urdf)
+    urdf = ARMS['iiwa7'].source
     assert main(['simulate', '--robot', urdf, '--tip', 'lbr_link_7', '--period', '0.01']) == 0
     assert 'a square before the tip' in capsys.readouterr().out
 
