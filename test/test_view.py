@@ -124,8 +124,7 @@ def test_only_this_computer_reaches_the_page(server: Any) -> None:
 
 
 def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
-    handled = {kind.__name__ for kind in server._websock_server._incoming_handlers}
-    assert not any(name.startswith('ShareUrl') for name in handled)
+    assert server.request_share_url() is None
 
 
 def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,8 +3,6 @@
 What takes long to load is loaded within functions, so that Ctrl-C meanwhile ends quietly.
 """
 
-import atexit
-import gc
 import os
 import re
 import sys
@@ -29,14 +27,6 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
 }
 _NO_VALUE = re.compile('--[^=]+=')
 _PLUGIN = '--plugin'
-_BEGINNING = """\
-redres moves an arm that has more joints than its task needs. Try first:
-  redres demo       see an arm move: planner, controller and a simulated robot as ROS 2 nodes
-  redres compare    see what the choice of a law changes, in plots and a table; without ROS
-  redres simulate   every tick of a motion as numbers; without ROS
-  redres laws       the choices: laws, preferences, tasks, limits, arms
-  redres --help     all commands; redres COMMAND --help: their options
-"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,8 +39,6 @@ def main(arguments: list[str] | None = None) -> int:
         0 if the command did what it was asked to do, 1 if not, 2 for a wrong command line, and
         130 after Ctrl-C.
     """
-    # At its end Python would look for garbage in all that was loaded: 0.15 s after a demo.
-    atexit.register(gc.freeze)
     try:
         from redres_ros.files.processes import open_error_output
 
@@ -84,7 +72,7 @@ def _run(given: list[str]) -> int:
 
 def _run_command(given: list[str]) -> int:
     if not given:
-        sys.stderr.write(_BEGINNING)
+        make_parser().print_help(sys.stderr)
         return 2
     if given[0] in _GONE:
         _complain(f'redres {given[0]} is gone; instead: {_GONE[given[0]]}')

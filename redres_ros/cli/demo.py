@@ -3,8 +3,6 @@
 import argparse
 import os
 import signal
-import textwrap
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -22,12 +20,11 @@ from redres_ros.cli.options import (
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
-    from redres_ros.demo.demo import Demo, DemoOptions
+    from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
-    from redres_ros.robot_model import RobotModel
+    from redres_ros.planning.waypoints import TaskEvent
 
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
-_WIDTH = 100  # columns of what is said in sentences
 _LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'composed')]
 
 
@@ -76,31 +73,26 @@ def _demo(options: argparse.Namespace) -> int:
         _check_page(options.save)
     demo = _make_demo(options)
     handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps the results
-    with (
-        own_domain(options.domain) as domain,
-        progress_bar(f'{options.law} at {demo.options.rate:g} Hz') as progress,
-    ):
-        _say(before(demo.options, demo.model))
+    with own_domain(options.domain) as domain, progress_bar(demo.title) as progress:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
-        demo.run(progress, _say)
+        demo.run(progress)
     if demo.interrupted:
         print(f'ended; results go to {options.out}, unless Ctrl-C comes again', flush=True)
     # No process is left to end, and a library would turn the exception into another error.
     with handled(_end_at_once, signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome()
         _write_results(outcome, demo, options)
-        _say(after(outcome, demo.options, demo.task.robot))
-    if outcome.interrupted:
+    if demo.interrupted:
         return 130
-    return 0 if outcome.ending == 'finished' else 1
+    return 0 if outcome.summary['task'] == 'finished' else 1
 
 
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
-    from redres_ros.demo.demo import START_PATIENCE, Demo, DemoOptions
+    from redres_ros.demo.demo import START_PATIENCE, Demo
     from redres_ros.loop.cycle_counter import RATES
 
     slowest, fastest = RATES
@@ -108,35 +100,30 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         raise RangeError('--period', options.period, 1.0 / fastest, 1.0 / slowest, 's')
     default = 'side_to_side' if options.duration else 'rectangle'
     switches = tuple(map(_switch, options.switch or ()))
-    motion = find_motion(options, [options.law, *(law for law, _ in switches)], default)
-    page: dict[str, Any] = {'patience': START_PATIENCE}  # parameters of the node that serves it
-    if options.plugin:
-        page['plugins'] = tuple(map(os.path.abspath, options.plugin))
-    demo_options = DemoOptions(
-        motion.name,
-        options.law,
-        1.0 / options.period,
-        options.dynamics,
+    laws = [options.law, *(switch.parameters['law'] for switch in switches)]
+    motion = find_motion(options, laws, default)
+    for law in laws:
+        motion.law(law).check_damping(options.period)
+    parameters = node_parameters(motion)
+    page = {'patience': START_PATIENCE, 'plugins': parameters['plugins']}
+    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
+    motion.controller()
+    return Demo(
+        motion.task,
+        motion.model,
+        motion.law,
+        {**parameters, 'plant': options.plant, 'lockstep': options.lockstep},
+        out,
         switches,
-        options.lockstep,
         options.composed,
         options.duration,
         page if options.view else None,
-        {'plant': options.plant, **node_parameters(motion)},
     )
-    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
-    demo = Demo(
-        demo_options,
-        motion.task,
-        motion.model,
-        lambda law: motion._replace(case=replace(motion.case, law=law)).law,
-        out,
-    )
-    motion.controller()
-    return demo
 
 
-def _switch(text: str) -> tuple[str, float]:
+def _switch(text: str) -> 'TaskEvent':
+    from redres_ros.planning.waypoints import TaskEvent
+
     law, _, moment = text.partition('@')
     try:
         seconds = float(moment)
@@ -146,7 +133,7 @@ def _switch(text: str) -> tuple[str, float]:
         ) from None
     if not _SWITCHES[0] <= seconds <= _SWITCHES[1]:
         raise RangeError(f'the time of --switch {text}', seconds, *_SWITCHES, 's')
-    return law, seconds
+    return TaskEvent(seconds, 'controller', {'law': law})
 
 
 def _check_page(path: Path) -> None:
@@ -158,79 +145,9 @@ def _check_page(path: Path) -> None:
     made(path.parent)
 
 
-def _say(text: str) -> None:
-    """Print some sentences; nothing for none."""
-    if text:
-        print(textwrap.fill(text, _WIDTH), flush=True)
-
-
 def _end_at_once(number: int, _: object) -> NoReturn:
     """End the process at a signal, in place of an exception."""
     os._exit(128 + number)
-
-
-def before(options: 'DemoOptions', model: 'RobotModel') -> str:
-    """An introduction to a run."""
-    joints = len(model.joint_names)
-    nodes = 'three ROS 2 nodes in one process' if options.composed else 'three ROS 2 nodes'
-    matter = 'this choice decides how smoothly the arm moves'
-    if options.task == 'rectangle':  # a task of the paper's arm
-        matter = (
-            'near the stretched arm, 7 s into the task, it decides whether the arm gets through'
-        )
-    return (
-        f'A simulated arm with {joints} joints moves its tip along a task, '
-        f'controlled by {nodes} at {options.rate:g} Hz. '
-        'Infinitely many joint motions execute the task. '
-        f'In every cycle the law {options.law} chooses one; {matter}.'
-    )
-
-
-def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
-    """Two sentences on the result of a run of that robot; empty if there is nothing to add."""
-    if outcome.motion is None or outcome.interrupted:
-        return ''
-    if outcome.stop_reason.startswith('timing'):
-        return (
-            'The robot stopped the arm because commands came too late: this computer was too busy. '
-            'Try again, or use --lockstep, which waits for every command.'
-        )
-    # What follows was measured with the paper's task and arm.
-    is_papers = (options.task, robot) == ('rectangle', 'lwr4_paper')
-    within_limits = 'none' not in options.parameters.get('limits', ())
-    if outcome.stop_reason:
-        text = (
-            'The robot stopped the arm, as a real one would: the law asked for more than the '
-            'joints can do.'
-        )
-        if not within_limits:
-            text += ' Within limits (without --limits none) the arm slows down there instead.'
-        if is_papers and options.law == 'minimum_velocity':
-            text += ' --law minimum_acceleration passes smoothly.'
-        return text
-    if outcome.ending != 'finished':
-        return ''
-    acceleration, at = outcome.motion['acceleration']
-    text = (
-        f'The arm finished the task, {_how_well(outcome, outcome.motion["path_deviation"][0])}. '
-        f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
-    )
-    if is_papers and options.law != 'minimum_velocity':
-        text += (
-            ' For comparison: redres demo --law minimum_velocity --limits none takes the least '
-            'velocity in every cycle, and is stopped.'
-        )
-    return text
-
-
-def _how_well(outcome: 'Outcome', path_deviation: float) -> str:
-    """How far the tip was from its path; in contact, where it yields, the force instead."""
-    import numpy as np
-
-    forces = np.linalg.norm(outcome.forces[:, 1:], axis=1)
-    if forces.any():
-        return f'pressing with {np.median(forces[forces > 0.0]):.1f} N (median) while it touched'
-    return f'at most {1e3 * path_deviation:.1f} mm off its path'
 
 
 def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
@@ -239,24 +156,27 @@ def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace
     After Ctrl-C there is no picture. To load what draws, and to draw, would take most of the time
     until the terminal is free again.
     """
+    from redres_ros.demo.outcome import summary_table
+    from redres_ros.files.text import write_json
     from redres_ros.simulation.report import print_tables
 
     out = options.out
-    outcome.write_json(out / 'summary.json')
-    print_tables(outcome.table(demo.title))
-    if not outcome.motion:
+    recording = outcome.recording
+    write_json(outcome.summary, out / 'summary.json')
+    print_tables(summary_table(outcome.summary, demo.title))
+    if not len(recording.data):
         print('no plot and no data: the task did not begin')
         return
-    outcome.recording.write_csv(out / 'motion.csv')
+    recording.write_csv(out / 'motion.csv')
     for name in ('motion.png', 'contact.png'):
         (out / name).unlink(missing_ok=True)  # those of a run before
-    if not outcome.interrupted:
+    if not demo.interrupted:
         _draw(outcome, demo, out)
     print(f'data {out}/motion.csv')
     if options.save is not None:
         from redres_ros.view.scene import write_page
 
-        write_page(outcome.recording, demo.model, demo.task, demo.title, options.save)
+        write_page(recording, demo.model, demo.task, demo.title, options.save)
         print(f'page {options.save}')
 
 
@@ -268,15 +188,15 @@ def _draw(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.plots import Remarks, draw_contact, draw_motion
 
-    recording = outcome.recording
+    recording, summary, forces = outcome
+    law = demo.parameters['law']
     beside = {}
-    if not outcome.endurance:
-        laws = ['minimum_velocity', 'minimum_acceleration']
-        other = next(law for law in laws if law != demo.options.law)
-        beside[other] = run(Controller(demo.model, demo.law(other), recording.T), demo.task)
-    remarks = Remarks(beside, outcome.stop_reason, outcome.switches, demo.options.law)
+    if summary['rounds'] == 1:
+        other = 'minimum_velocity' if law != 'minimum_velocity' else 'minimum_acceleration'
+        beside[other] = run(Controller(demo.model, demo.make_law(other), recording.T), demo.task)
+    remarks = Remarks(beside, summary['stop_reason'], summary['switches'], law)
     draw_motion(recording, demo.model, demo.task, demo.title, out / 'motion.png', remarks)
     print(f'plot {out}/motion.png')
-    if outcome.forces[:, 1:].any():  # after the column of times
-        draw_contact(outcome.forces, recording, demo.model, demo.title, out / 'contact.png')
+    if forces[:, 1:].any():  # after the column of times
+        draw_contact(forces, recording, demo.model, demo.title, out / 'contact.png')
         print(f'forces {out}/contact.png')

@@ -12,7 +12,7 @@ from redres_ros.cli.options import NONE, OptionError, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Gain, Table, check_once
+from redres_ros.parameter import Table, check_once
 from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -20,6 +20,9 @@ from redres_ros.robots import ARMS, choose_arm
 from redres_ros.simulation.batch import Case, make_controller
 from redres_ros.tasks import TASKS
 
+# Fields of a case that are parameters of the nodes by the same name.
+_SAME = ('law', 'dynamics', 'limit_scale', 'torque_scale', 'scaling')
+_LISTS = ('limits', 'preferences', 'secondary_tasks')
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
@@ -36,10 +39,9 @@ class NamedMotion(NamedTuple):
         """Whether the points have orientations."""
         return self.task.orientations is not None
 
-    @property
-    def law(self) -> Law:
-        """The law of the case."""
-        return LAWS.resolve(self.case.law, self.case.gains)
+    def law(self, name: str) -> Law:
+        """The law of that name with the gains of the case."""
+        return LAWS.resolve(name, self.case.gains)
 
     @property
     def title(self) -> str:
@@ -119,65 +121,51 @@ def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
 
 
 def node_parameters(motion: NamedMotion) -> dict[str, Any]:
-    """Parameters of the nodes beside the law, its damping, the robot and its dynamics.
-
-    Raises:
-        OptionError: A target that is open by default: ROS has no parameters for such ones.
+    """The parameters of the nodes; raises OptionError for a target that is open by default: ROS has
+    no parameters for such ones.
     """
     case = motion.case
-    gains = {name: value for name, value in case.gains.items() if name != 'damping'}
     for gain in (*PREFERENCES.gains(), *TASKS.gains()):
-        if gain.key in gains and gain.default == ():
+        if gain.key in case.gains and gain.default == ():
             raise OptionError(f'--set {gain.key} is not for nodes, which take the start for it')
-    lists = {
-        'limits': case.limits,
-        'preferences': case.preferences,
-        'secondary_tasks': case.secondary_tasks,
-        'plugins': tuple(map(os.path.abspath, case.plugins)),
-    }
-    parameters = {name: given or (NONE,) for name, given in lists.items()}  # ROS: none is no value
-    return {
-        **parameters,
-        **gains,
-        **({'tip_frame': case.tip_frame} if case.tip_frame else {}),
-        'limit_scale': case.limit_scale,
-        'torque_scale': case.torque_scale,
-        'scaling': case.scaling,
+    lists = {name: getattr(case, name) or (NONE,) for name in _LISTS}  # ROS: none is no value
+    parameters: dict[str, Any] = {
+        **case.gains,
+        **{name: getattr(case, name) for name in _SAME},
+        **lists,
+        'damping': motion.law(case.law).damping,
+        'plugins': tuple(map(os.path.abspath, case.plugins)) or (NONE,),
+        'rate': 1.0 / case.T,
+        'robot': motion.task.robot,
+        'task': motion.name,
         'task_space': 'pose' if motion.is_pose else 'position',
     }
+    if case.tip_frame:
+        parameters['tip_frame'] = case.tip_frame
+    return parameters
 
 
 def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
-    """The gains of a case as their owners take them; one without an owner is refused."""
-    in_use: dict[str, Iterable[str]] = {
-        'law': laws,
-        'preference': case.preferences,
-        'task': case.secondary_tasks,
-        'limit': case.limits,
-    }
-    used = {f'{kind} {name.partition("@")[0]}' for kind, names in in_use.items() for name in names}
-    gains = {}
-    for key, value in case.gains.items():
-        owners = _owners(key)
-        if used.isdisjoint(f'{gain.kind} {gain.owner}' for gain in owners):
-            owner = f'{owners[0].kind} {owners[0].owner}'
-            raise OptionError(f'--set {key} acts on the {owner}; in use: {", ".join(sorted(used))}')
-        gains[key] = _converted(value, owners[0].default)
-    return gains
-
-
-def _owners(key: str) -> list[Gain]:
-    """The gains of that name. Raises UnknownNameError."""
-    tables: list[Table[Any]] = [LAWS, PREFERENCES, TASKS]
-    found = [gain for table in tables for gain in table.gains() if gain.key == key]
-    if not found:
+    """The gains of a case as their owners take them. Raises UnknownNameError for any other."""
+    in_use: list[tuple[Table[Any], Iterable[str]]] = [
+        (LAWS, laws),
+        (PREFERENCES, case.preferences),
+        (TASKS, case.secondary_tasks),
+    ]
+    if case.limits:
         from redres_ros.limits import LIMITS  # compiled: loaded only if in use
 
-        found = [gain for gain in LIMITS.gains() if gain.key == key]
-        if not found:
-            keys = {name for table in (*tables, LIMITS) for name in table.gain_keys}
-            raise UnknownNameError('gain', key, keys)
-    return found
+        in_use.append((LIMITS, case.limits))
+    defaults = {
+        gain.key: gain.default
+        for table, names in in_use
+        for name in names
+        for gain in table.gains(name.partition('@')[0])
+    }
+    for key in case.gains:
+        if key not in defaults:
+            raise UnknownNameError('gain of what is in use', key, defaults)
+    return {key: _converted(value, defaults[key]) for key, value in case.gains.items()}
 
 
 def _converted(value: Any, default: Any) -> Any:
@@ -211,16 +199,12 @@ def _check_scales(case: Case) -> None:
 
 def _check_start(task: WaypointTask, model: RobotModel) -> None:
     """Refuse a task that was written for another arm, tip or base."""
-    advice = 'name a task of that robot with --task'
-    if len(task.start) != model.n:
-        raise OptionError(
-            f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
-            f'{advice}'
-        )
+    task.check_joints(model.n)
     x, _ = model.tip(task.start)
     away = float(np.linalg.norm(x - task.waypoints[0]))
     if not away < _NEAR:
         raise OptionError(
             f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
-            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; {advice}'
+            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; '
+            'name a task of that robot with --task'
         )

@@ -2,7 +2,7 @@
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -20,14 +20,13 @@ from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import Law
 from redres_ros.loop.modes import COMMANDING
-from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE
-from redres_ros.parameter import check_parameters
 from redres_ros.planning.task_executor import UNDER_WAY, TaskState
 from redres_ros.planning.waypoints import TaskEvent, WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
+from redres_ros.simulation.report import label
 
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
@@ -50,103 +49,60 @@ class DemoError(RedresError):
     """A run that could not begin, or failed."""
 
 
-@dataclass(frozen=True)
-class DemoOptions:
-    """The options of a run.
-
-    Attributes:
-        task: Its name.
-        law: Name of the law at the start.
-        rate: Cycles a second [Hz].
-        dynamics: Dynamics of the controller's model.
-        switches: (law, seconds after the task began).
-        lockstep: As fast as possible, instead of in real time.
-        composed: One process instead of three.
-        duration: How long the task is repeated [s]; 0 for once.
-        page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
-        parameters: More of them, for every node that has them.
-    """
-
-    task: str
-    law: str
-    rate: float
-    dynamics: str = 'identified'
-    switches: tuple[tuple[str, float], ...] = ()
-    lockstep: bool = False
-    composed: bool = False
-    duration: float = 0.0
-    page: Mapping[str, Any] | None = None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-
-
+@dataclass
 class Demo:
     """One run of the three nodes in the ROS domain that the environment names.
 
-    Args:
-        options: What to run.
-        task: The one that the options name.
-        model: Of the arm that carries it out.
-        law: Gives the law of a name, with the gains of the run.
-        out: Directory for what the nodes print.
-
     Attributes:
+        task: What the planner node runs, by the name in its parameter `task`.
+        model: Of the arm that carries it out.
+        make_law: Gives the law of a name, with the gains of the run.
+        parameters: Of the nodes; each takes those that it has.
+        out: Directory for what the nodes print.
+        switches: Other laws during the motion.
+        composed: One process instead of three.
+        duration: How long the task is repeated [s]; 0 for once.
+        page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
         interrupted: Whether Ctrl-C has ended it.
-
-    Raises:
-        UnknownNameError, RangeError: A law, damping or rate that the nodes would refuse.
     """
 
-    def __init__(
-        self,
-        options: DemoOptions,
-        task: WaypointTask,
-        model: RobotModel,
-        law: Callable[[str], Law],
-        out: Path,
-    ) -> None:
-        self.options = options
-        self.task = task
-        self.model = model
-        self.law = law
-        self.interrupted = False
-        self._out = out
-        check_parameters(ControllerParameters(rate=options.rate))
-        self._T = 1.0 / options.rate
-        for name in (options.law, *(name for name, _ in options.switches)):
-            law(name).check_damping(self._T)
+    task: WaypointTask
+    model: RobotModel
+    make_law: Callable[[str], Law]
+    parameters: Mapping[str, Any]
+    out: Path
+    switches: Sequence[TaskEvent] = ()
+    composed: bool = False
+    duration: float = 0.0
+    page: Mapping[str, Any] | None = None
+    interrupted: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self._T = 1.0 / self.parameters['rate']
         self._nodes: list[NodeProcess] = []
         self._page: NodeProcess | None = None
         self._page_address = ''
-        self._log = Log(model.joint_names)
+        self._log = Log(self.model.joint_names)
         self._newest_at = 0.0  # when the newest state came [s]
-        self._report: Callable[[str], None] = print
-        self._endurance: dict[str, Any] | None = None
+        self._rounds = 1
 
     @property
     def title(self) -> str:
-        """Law, rate, and the law's parameters, if they matter to it."""
-        law = self.law(self.options.law)
-        title = f'{self.options.law} at {self.options.rate:g} Hz'
-        if law.has_memory:
-            title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting_factor(self._T):g}'
-        return title
+        """Law and rate."""
+        law = self.make_law(self.parameters['law'])
+        return f'{label(law)} at {self.parameters["rate"]:g} Hz'
 
-    def run(self, progress: Callable[[float], None], report: Callable[[str], None]) -> None:
-        """Run from the start of the processes to their end; Ctrl-C ends it early.
+    def run(self, progress: Callable[[float], None]) -> None:
+        """Run from the start of the processes to their end; Ctrl-C ends it early. `progress` is
+        called with the fraction done, 0 to 1.
 
-        Args:
-            progress: Called with the fraction done, 0 to 1.
-            report: Takes a line for the user.
-
-        Raises:
-            DemoError, GraphError, CallError: A node does not run, respond, or take a command.
+        Raises DemoError, GraphError, CallError if a node does not run, respond, or take a command.
         """
-        self._report = report
         try:
             with spun(lambda: GraphMonitor('demo', patience=_RESPONSE)) as monitor, self._running():
                 self._await_robot(monitor)
                 self._run_task(monitor, progress)
-                if self.options.duration:
+                if self.duration:
                     self._repeat(monitor, progress)
                 if self._page is not None:
                     self._stay(monitor, self._page)
@@ -161,10 +117,11 @@ class Demo:
         connection.
         """
         try:
-            for name, parameters in self._parameters().items():
-                self._nodes.append(NodeProcess(name, self._out / f'{name}.log', parameters))
-            if self.options.page is not None:
-                self._page = NodeProcess(_PAGE, self._out / f'{_PAGE}.log', self.options.page)
+            parameters = self._node_parameters()
+            for name in ('composed',) if self.composed else ('sim', 'controller', 'planner'):
+                self._nodes.append(NodeProcess(name, self.out / f'{name}.log', parameters))
+            if self.page is not None:
+                self._page = NodeProcess(_PAGE, self.out / f'{_PAGE}.log', self.page)
             yield
         finally:
             # A second signal must not leave a process behind.
@@ -174,31 +131,14 @@ class Demo:
                 for node in self._nodes:
                     node.end()
 
-    def _parameters(self) -> dict[str, dict[str, Any]]:
-        """Parameters of each process, by its name."""
-        options = self.options
-        shared = {
-            'lockstep': options.lockstep,
-            'rate': options.rate,
-            'robot': self.task.robot,
-            'dynamics': options.dynamics,
-            **options.parameters,
-        }
-        sim: dict[str, Any] = {'start': tuple(self.task.start.tolist())}
-        if not options.lockstep:
+    def _node_parameters(self) -> dict[str, Any]:
+        parameters = {'start': tuple(self.task.start.tolist()), **self.parameters}
+        if not parameters['lockstep']:
             # The robot waits for its command, which waits for the planner.
-            sim['patience'] = _CLOCK_PATIENCE
-            shared['robot_interface'] = 'sim'
-        own: dict[str, dict[str, Any]] = {
-            'sim': sim,
-            'controller': {'law': options.law, 'damping': self.law(options.law).damping},
-            'planner': {'task': options.task},
-        }
-        together: dict[str, Any] = {}
-        for name in own:
-            own[name] = {**shared, **own[name], **self.task.nodes.get(name, {})}
-            together |= own[name]
-        return {'composed': together} if options.composed else own
+            parameters |= {'patience': _CLOCK_PATIENCE, 'robot_interface': 'sim'}
+        for own in self.task.nodes.values():
+            parameters |= own
+        return parameters
 
     def _await_robot(self, monitor: GraphMonitor) -> None:
         until = time.monotonic() + START_PATIENCE
@@ -206,7 +146,7 @@ class Demo:
             self._look(monitor)
             if time.monotonic() > until:
                 raise DemoError(
-                    f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log'
+                    f'the robot took no commands within {START_PATIENCE:g} s; see {self.out}/*.log'
                 )
             time.sleep(_LOOK)
         time.sleep(_DISCOVERY)
@@ -215,7 +155,7 @@ class Demo:
         """Whether the planner is there and the robot takes commands, or waits in lock-step."""
         if not monitor.count_services('planner/start'):
             return False
-        if self.options.lockstep:
+        if self.parameters['lockstep']:
             topics = ('joint_command', 'cartesian_velocity')
             return bool(self._log.newest) and all(map(monitor.count_publishers, topics))
         return monitor.word(SESSION) in COMMANDING
@@ -224,8 +164,7 @@ class Demo:
         """Run the task until it has ended, the robot is stopped, or a time limit."""
         called = time.monotonic()
         self._start_task(monitor)
-        switches = [TaskEvent(t, 'controller', {'law': law}) for law, t in self.options.switches]
-        events = sorted((*switches, *self.task.events), key=lambda event: event.at)
+        events = sorted((*self.switches, *self.task.events), key=lambda event: event.at)
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
         while t < PATIENCE * nominal and not _has_ended(monitor, called):
@@ -242,7 +181,7 @@ class Demo:
         self._look(monitor)
         if monitor.word(TASK_STATE) != _FINISHED:
             reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
-            self._report('; '.join(('the task was not finished', *reasons)))
+            print('; '.join(('the task was not finished', *reasons)), flush=True)
 
     def _start_task(self, monitor: GraphMonitor) -> None:
         """Wait until the task begins, or the robot is stopped; the planner may refuse at first."""
@@ -264,19 +203,14 @@ class Demo:
 
     def _repeat(self, monitor: GraphMonitor, progress: Callable[[float], None]) -> None:
         """Repeat the task, each round from where the last one ended."""
-        before = {node.name: node.memory() for node in self._nodes}
-        duration = self.options.duration
         first = self._log.began
 
-        def seconds() -> float:
-            return (self._log.newest - first) / 1e9
+        def done() -> float:
+            return (self._log.newest - first) / 1e9 / self.duration
 
-        rounds = 1
-        while monitor.word(TASK_STATE) == _FINISHED and seconds() < duration:
-            self._run_task(monitor, lambda _: progress(min(seconds() / duration, 1.0)))
-            rounds += 1
-        memory = {node.name: (before[node.name], node.memory()) for node in self._nodes}
-        self._endurance = {'rounds': rounds, 'seconds': seconds(), 'memory': memory}
+        while monitor.word(TASK_STATE) == _FINISHED and done() < 1.0:
+            self._run_task(monitor, lambda _: progress(min(done(), 1.0)))
+            self._rounds += 1
 
     def _stay(self, monitor: GraphMonitor, page: NodeProcess) -> None:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
@@ -300,29 +234,35 @@ class Demo:
         if not before or self._log.newest != before:
             self._newest_at = now
         if now - self._newest_at > _SILENCE:
-            raise DemoError(f'no state from the robot for {_SILENCE:g} s; see {self._out}/*.log')
+            raise DemoError(f'no state from the robot for {_SILENCE:g} s; see {self.out}/*.log')
         if self._page and self._page.status():
             self._page.check()
         if self._page and not self._page_address:
             self._page_address = self._page.last_line().partition(_ADDRESS)[2]
             if self._page_address:
-                self._report(f'page {self._page_address} (the nodes stay until Ctrl-C)')
+                print(f'page {self._page_address} (the nodes stay until Ctrl-C)', flush=True)
 
     def outcome(self) -> Outcome:
         """The outcome of the run."""
         log = self._log
-        pose = self.options.parameters.get('task_space') == 'pose'
-        recording = replay(log, self.model, self.law, self._T, pose)
-        _, reason = log.stopped()
-        motion = None
-        cycles = None
+        pose = self.task.orientations is not None
+        recording = replay(log, self.model, self.make_law, self._T, pose)
+        summary: dict[str, Any] = {
+            'task': 'finished' if recording.finished else 'NOT finished',
+            'stop_reason': log.stopped()[1],
+            'session': log.words(SESSION),
+            'switches': log.switches(),
+            'rounds': self._rounds,
+        }
+        if self.interrupted:
+            summary['task'] = 'interrupted'
         stamps = log.under_way()
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
-            motion = motion_values(recording, self.task, error)
-            period = np.inf if self.options.lockstep else self._T
-            cycles = count_cycles(log, period, stamps[0], stamps[-1])
+            summary['motion'] = motion_values(recording, self.task, error)
+            period = np.inf if self.parameters['lockstep'] else self._T
+            summary['cycles'] = count_cycles(log, period, stamps[0], stamps[-1])
         rows = [
             ((stamp - stamps[0]) / 1e9, *(self.model.tip(log.states[stamp])[1] @ log.forces[stamp]))
             for stamp in stamps
@@ -330,19 +270,8 @@ class Demo:
         ]
         forces = np.array(rows).reshape(-1, 4)
         desired_force = self.task.nodes.get('controller', {}).get('admittance.force', ())
-        return Outcome(
-            recording,
-            reason,
-            log.words(SESSION),
-            motion,
-            pressing_values(forces, desired_force),
-            cycles,
-            self._endurance,
-            planner_missed=len(set(stamps) - log.desired.keys()),
-            switches=log.switches(),
-            interrupted=self.interrupted,
-            forces=forces,
-        )
+        summary['pressing'] = pressing_values(forces, desired_force)
+        return Outcome(recording, summary, forces)
 
 
 def _has_ended(monitor: GraphMonitor, since: float) -> bool:

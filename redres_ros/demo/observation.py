@@ -1,6 +1,6 @@
 """The messages of a demo's nodes by the stamps of the robot's states: its motion, its cycles."""
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -156,24 +156,17 @@ class Log:
         """Stamps of the states while the planner moved and the robot took commands, in every round;
         those that the planner missed included.
         """
-        words = self.changes(TASK_STATE)
-        stopped_at, _ = self.stopped()
-        rounds: list[list[int]] = []
-        word = ''
-        for stamp in sorted(self.desired.keys() | words.keys()):
-            before = word
-            word = words.get(stamp, word)
-            if word != TaskState.MOVING.value:
-                continue
-            if before != word:
-                rounds.append([])
-            if stamp in self.desired and stamp <= stopped_at:
-                rounds[-1].append(stamp)
+        if not self.desired:
+            return []
+        first = min(self.desired)
+        last = min(max(self.desired), self.stopped()[0])
         states = sorted(self.states)
-        under_way = []
-        for planned in filter(None, rounds):
-            under_way += states[bisect_left(states, planned[0]) : bisect_right(states, planned[-1])]
-        return under_way
+        words = self.values_at(TASK_STATE, states, '')
+        return [
+            stamp
+            for stamp, word in zip(states, words, strict=True)
+            if word == TaskState.MOVING.value and first <= stamp <= last
+        ]
 
     def desired_at(self, stamps: Sequence[int]) -> np.ndarray:
         """Desired poses at some stamps, (N, 7); interpolated if the planner missed one."""

@@ -1,7 +1,6 @@
 """One of our nodes as a process, which ends with this one."""
 
 import json
-import math
 import os
 import signal
 import subprocess
@@ -53,14 +52,6 @@ class NodeProcess:
                 env={**os.environ, 'PYTHONPATH': path, PARENT: str(os.getpid())},
             )
         self.pid = self._process.pid
-
-    def memory(self) -> float:
-        """Resident memory [MB]; NaN once it has ended."""
-        try:
-            pages = int(Path(f'/proc/{self.pid}/statm').read_text().split()[1])
-            return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
-        except (OSError, IndexError):
-            return math.nan
 
     def status(self) -> int | None:
         """Its exit status; None while it runs."""

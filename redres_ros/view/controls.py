@@ -5,28 +5,16 @@ from typing import Any
 
 import viser
 
-from redres_ros.fake_robot.faults import Faults
 from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
 from redres_ros.loop.velocity_input import AUTO
 from redres_ros.nodes.parameters import NONE, named
-from redres_ros.parameter import parameters
 from redres_ros.policy import SCALING
 from redres_ros.preferences import PREFERENCES
 
 _NOTICE = 8.0  # [s] for which a refusal is shown
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
-# Faults of the fake robot, by parameter: label, largest value and step of a slider.
-_FAULTS = {
-    'command_loss': ('commands lost [0 to 1]', 0.3, 0.01),
-    'state_loss': ('states lost [0 to 1]', 0.3, 0.01),
-    'command_delay': ('commands late [cycles]', 10, 1),
-    'state_delay': ('states late [cycles]', 10, 1),
-    'encoder_noise': ('encoder noise [rad]', 0.001, 0.0001),
-    'frozen_joint': ('frozen encoder [joint; 0: none]', 7, 1),
-}
-_PAUSED = 'paused_physics'
 
 
 class Bindings:
@@ -121,24 +109,6 @@ def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
         bindings.add(handle, 'controller', parameter)
     _add_names(gui, bindings, 'limits', LIMITS)
     _add_names(gui, bindings, 'preferences', PREFERENCES)
-
-
-def add_faults(gui: viser.GuiApi, bindings: Bindings) -> None:
-    """Add the faults that the fake robot has."""
-    values = bindings.values['sim']
-    with gui.add_folder('faults of the fake robot', expand_by_default=False):
-        for parameter, (label, most, step) in _FAULTS.items():
-            if parameter in values:
-                kind = type(values[parameter])
-                value = min(values[parameter], kind(most))
-                slider = gui.add_slider(label, kind(0), kind(most), kind(step), value)
-                bindings.add(slider, 'sim', parameter)
-        if _PAUSED in values:
-            paused = gui.add_checkbox('joints do not move', values[_PAUSED])
-            bindings.add(paused, 'sim', _PAUSED)
-        clear = gui.add_button('no faults')
-    none = {field.name: field.default for field in parameters(Faults)}
-    clear.on_click(lambda event: bindings.set(event, 'sim', none))
 
 
 def _add_names(

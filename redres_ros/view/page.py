@@ -18,7 +18,7 @@ from redres_ros.nodes.parameters import NONE, declare, named
 from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import load_task, task_for
-from redres_ros.view.controls import Bindings, add_controls, add_faults
+from redres_ros.view.controls import Bindings, add_controls
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.server import ADDRESS, TeleopChannel, close_server, open_server
@@ -63,8 +63,6 @@ class _Page:
         self._teleoperation = Teleoperation(
             server, monitor, self._bindings, self._scene, model, channel
         )
-        if values['sim']:
-            add_faults(server.gui, self._bindings)
         self._show_walls()
         self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
         self._paths: dict[str, deque[np.ndarray]] = {

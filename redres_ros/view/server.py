@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import viser
 import websockets.asyncio.server
-from viser import _messages
 from viser.infra import _infra
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 
@@ -190,6 +189,11 @@ class _SafeBuffer(AsyncMessageBuffer):
         self.message_event = _LoopEvent()
 
 
+class _Server(viser.ViserServer):
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Open no way in from outside, which any browser at the page may ask for."""
+
+
 def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> viser.ViserServer:
     """A viser server that checks every request, at the next free port; 0: any. Without a channel
     the page does not steer.
@@ -198,9 +202,7 @@ def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> 
     """
     _infra.AsyncMessageBuffer = _SafeBuffer  # type: ignore[attr-defined]
     with _guarded(channel), contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(ADDRESS, port, label=label, verbose=False)
-    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        server._websock_server.unregister_handler(message)  # they would let others in from outside
+        server = _Server(ADDRESS, port, label=label, verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     # Chromium opens connections in advance and closes them unused: no reason for a traceback.
     logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
