@@ -258,6 +258,6 @@ def _check_positive(what: str, unit: str, given: tuple[float, ...], limit: Limit
     model = limit.model
     if len(given) != model.n or not min(given) > 0.0:
         raise ArrayError(
-            f'{what} limits of {model.arm.urdf}: {given or "none known"}; '
+            f'{what} limits of {model.arm.source}: {given or "none known"}; '
             f'expected {model.n} positive values [{unit}] in {what}=(...)'
         )
