@@ -4,6 +4,7 @@ another copy than that beside this folder.
 
 import pkgutil
 from importlib import import_module
+from pathlib import Path
 
 from redres_ros import kernels
 
@@ -13,5 +14,6 @@ def compile_all() -> None:
         import_module(module.name)
 
 
-if __name__ == '__main__':
+# The copy beside this folder is compiled by the tests' process.
+if __name__ == '__main__' and Path(kernels.__file__).parents[2] != Path(__file__).parents[1]:
     compile_all()

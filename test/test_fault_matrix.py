@@ -139,24 +139,15 @@ def cells() -> list[Any]:
 
 
 class Scene:
-    """Three nodes, the arm in motion; keeps every reference of the robot."""
+    """Three nodes, the arm in motion."""
 
     def __init__(self, run: VirtualRun) -> None:
         self.run = run
-        self.references: list[np.ndarray] = []
-        robot = run.nodes['sim']._robot
-        advance = robot.advance
-
-        def advance_and_keep(*commands: Any) -> None:
-            advance(*commands)
-            self.references.append(robot.reference)
-
-        robot.advance = advance_and_keep
 
     @property
     def speed(self) -> float:
         """Of the fastest joint [rad/s]."""
-        before, now = self.references[-2:]
+        before, now = self.run.references[-2:]
         return float(np.abs(now - before).max()) * RATE
 
     @property
@@ -197,7 +188,7 @@ class Scene:
 
     def assert_nothing_jumped(self) -> None:
         """The robot's own reference keeps the arm's limits."""
-        changes = np.diff(self.references, 2, axis=0) * RATE**2
+        changes = np.diff(self.run.references, 2, axis=0) * RATE**2
         assert (np.abs(changes) <= LIMITS.acceleration * (1.0 + 1e-6)).all()
 
 

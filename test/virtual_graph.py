@@ -316,6 +316,15 @@ class VirtualRun:
     def __init__(self, graph: Graph, nodes: dict[str, Any]) -> None:
         self.graph = graph
         self.nodes = nodes
+        self.references: list[np.ndarray] = []  # the robot's own, (n,) [rad], one a cycle
+        robot = nodes['sim']._robot
+        advance = robot.advance
+
+        def advance_and_keep(*commands: Any) -> None:
+            advance(*commands)
+            self.references.append(robot.reference)
+
+        robot.advance = advance_and_keep
 
     @property
     def now(self) -> float:
