@@ -63,19 +63,6 @@ class Plan:
     ddq: JointAccelerations
 
 
-def _of_tick(name: str) -> property:
-    """A field of the context of the next ticks; a change of it clears what was prepared."""
-
-    def get(controller: 'Controller') -> Any:
-        return getattr(controller._tick, name)
-
-    def change(controller: 'Controller', value: Any) -> None:
-        controller._prepared = None
-        controller._tick = controller._tick._replace(**{name: value})
-
-    return property(get, change)
-
-
 class Controller:
     """Turns task velocities into position references by the active policy.
 
@@ -85,11 +72,8 @@ class Controller:
         gap: Cycles between two commands, at most: joints still stop in time.
         longest_gap: The same, once on the way to the end of a range.
         measurements: By name, for preferences and limits.
+        has_turns: Joints have more than one turn.
     """
-
-    gap = _of_tick('gap')
-    longest_gap = _of_tick('longest_gap')
-    measurements = _of_tick('measurements')
 
     def __init__(
         self,
@@ -142,8 +126,10 @@ class Controller:
         self._integrate_from = integrate_from
         self._q_shape = (model.n,)
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
-        self._tick = TickContext(lost=robot_interface.lost)
-        self._prepared: tuple[Plan, bytes] | None = None  # and the dx that it is for
+        self.has_turns = bool(self._multi_turn.size)
+        self.gap = 1
+        self.longest_gap = 1
+        self.measurements: Mapping[str, np.ndarray] = {}
         self._holds = False  # after hold()
         self._follows_joints = False
         self.published: Published | None = None
@@ -264,7 +250,7 @@ class Controller:
 
     def restart(self) -> None:
         """Restart at the next measured position: nothing was published."""
-        self.go_on_from(None)
+        self.published = None
         self._motion: Motion = self.policy.stop
         self._targeted = self.policy
         self._has_open_targets = True
@@ -276,11 +262,6 @@ class Controller:
         self.restart()
         self.published = Published.at_rest(q_ref)
 
-    def go_on_from(self, published: Published | None) -> None:
-        """Continue from this in place of the last reference."""
-        self._prepared = None
-        self.published = published
-
     def bridged(self, published: Published, missed: Cycles) -> Published:
         """Where the robot is, `missed` cycles after a reference, as if that was published."""
         q_range = self.model.q_min, self.model.q_max
@@ -291,7 +272,7 @@ class Controller:
 
         Their drivers may report angles within one turn only. References continue across turns.
         """
-        if self.published is None or not self._multi_turn.size:
+        if self.published is None:
             return q
         turns = np.zeros(len(q))
         turns[self._multi_turn] = np.round((self.published.q - q)[self._multi_turn] / _TURN)
@@ -343,68 +324,6 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
-        if self._multi_turn.size:
-            q = self.nearest_turn(q)
-        if self._prepared and not missed and correction is None:
-            plan, prepared_dx = self._prepared
-            if dx.tobytes() == prepared_dx:
-                return plan
-        plan, speed = self._solved(q, dx, missed, correction)
-        if not speed <= SPEED_LIMIT:
-            raise self._diverged(plan, dx)
-        return plan
-
-    def commit(self, plan: Plan) -> Command:
-        """The command of a plan, from which the next tick continues."""
-        solution = plan.solution
-        motion = plan.motion
-        if isinstance(motion, Crossfade):
-            motion = motion.after(solution)
-        self._motion = motion
-        self._has_open_targets = False
-        self._prepared = None
-        self.published = Published(plan.q_ref, plan.dq, plan.ddq, solution.dq)
-        if self._restarts and not solution.dq.any():
-            self.hold_at(plan.q_ref)
-        solution.dq = solution.dq.copy()  # whatever is done to a command
-        return Command(solution, plan.q_ref.copy(), plan.state, self.T)
-
-    def prepare(self, dx: TaskVelocity) -> None:
-        """Plan the next tick before its state comes, while nobody waits for the command.
-
-        plan() takes it over for the same dx; whatever else changes, clears it. Only a tick that
-        does not depend on what is measured can be planned ahead: one with limits, without other
-        sensors, and integrated from the last command.
-        """
-        is_known = self.policy.limits is not None and self._integrate_from == 'command'
-        if self._prepared or self._has_open_targets or self.measurements or not is_known:
-            return
-        if self.published is None or self._desired is not self._motion:
-            return
-        try:
-            plan, speed = self._solved(self.published.q, dx)
-        except RedresError:
-            return  # update() will raise it
-        if speed <= SPEED_LIMIT:
-            self._prepared = plan, dx.tobytes()
-
-    def hold_command(self) -> Command:
-        """The command of an arm at rest: the last reference again, exactly."""
-        q_ref = self.reference
-        zeros = np.zeros(self.model.n)
-        state = RobotState(self.model, q_ref, zeros)
-        policy = self.policy.for_joints if self._follows_joints else self.policy
-        solution = Solution(zeros, policy.task.jacobian(state), np.zeros(self.m))
-        return Command(solution, q_ref.copy(), state, self.T)
-
-    def _solved(
-        self,
-        q: JointPositions,
-        dx: TaskVelocity,
-        missed: Cycles = 0,
-        correction: TaskVelocity | None = None,
-    ) -> tuple[Plan, float]:
-        """The plan of a tick, and its speed [rad/s]."""
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -413,10 +332,12 @@ class Controller:
         if self._integrate_from == 'measurement':
             start = q
             dq_prev = base.command
-        tick = self._tick if correction is None else self._tick._replace(correction=correction)
         at = start
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
+        tick = TickContext(
+            self.measurements, self.gap, self.longest_gap, correction, self.robot_interface.lost
+        )
         state = RobotState(self.model, at, dq_prev, base.ddq, tick)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
@@ -433,13 +354,38 @@ class Controller:
         if start is not base.q:
             dq = np.empty(self.model.n)
             differentiate(q_ref, base.q, self.T, dq)
-        return Plan(base, state, motion, solution, q_ref, dq, ddq), speed
+        plan = Plan(base, state, motion, solution, q_ref, dq, ddq)
+        if not speed <= SPEED_LIMIT:
+            raise self._diverged(plan, dx)
+        return plan
+
+    def commit(self, plan: Plan) -> Command:
+        """The command of a plan, from which the next tick continues."""
+        solution = plan.solution
+        motion = plan.motion
+        if isinstance(motion, Crossfade):
+            motion = motion.after(solution)
+        self._motion = motion
+        self._has_open_targets = False
+        self.published = Published(plan.q_ref, plan.dq, plan.ddq, solution.dq)
+        if self._restarts and not solution.dq.any():
+            self.hold_at(plan.q_ref)
+        solution.dq = solution.dq.copy()  # whatever is done to a command
+        return Command(solution, plan.q_ref.copy(), plan.state, self.T)
+
+    def hold_command(self) -> Command:
+        """The command of an arm at rest: the last reference again, exactly."""
+        q_ref = self.reference
+        zeros = np.zeros(self.model.n)
+        state = RobotState(self.model, q_ref, zeros)
+        policy = self.policy.for_joints if self._follows_joints else self.policy
+        solution = Solution(zeros, policy.task.jacobian(state), np.zeros(self.m))
+        return Command(solution, q_ref.copy(), state, self.T)
 
     def _choose(self) -> None:
         """Decide what the arm is to do, once no crossfade is under way."""
         policy = self._targeted.for_joints if self._follows_joints else self._targeted
         self._desired = policy.stop if self._holds or self._restarts else policy
-        self._prepared = None
 
     def _diverged(self, plan: Plan, dx: TaskVelocity) -> DivergedError:
         """The error of a speed beyond that of any arm.

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from redres_ros.kernels.closed_form import (
 )
 from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
 
+if TYPE_CHECKING:
+    from redres_ros.limits.limits import ActiveLimit
+
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
 # rows whose singular value is below this fraction are dependent: lower tasks may use the rest
@@ -37,8 +40,7 @@ _DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
-_NO_ROWS = np.zeros((0, 0))  # of a lower task
-_NO_RATES = np.zeros(0)
+_NO_LEVEL = np.zeros((0, 0)), np.zeros(0)
 
 
 class Factor:
@@ -85,14 +87,6 @@ Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None 
 Level = tuple[Jacobian, TaskVelocity]  # of one task
 
 
-class _ResistingLimit(Protocol):
-    """The limit that resists hardest."""
-
-    @property
-    def name(self) -> str:
-        """'joint: limit'."""
-
-
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
     """The joint velocity of one tick."""
@@ -105,7 +99,7 @@ class Solution:
     levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
     scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
     s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
-    active_limit: _ResistingLimit | None = None  # None if none resists
+    active_limit: 'ActiveLimit | None' = None  # that resists hardest
     dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()
@@ -142,12 +136,8 @@ def resolve_in_order(
     next to that one far too fast: a direction of it counts as lost, too, that would take more than
     FASTEST. Raises ArrayError as `resolve` does.
     """
-    J, dx = levels[0]
-    dq = np.empty(len(b))
-    outcome = _solve(J, dx, *stacked(levels[1:], len(b)), b, W, 0.0, _FASTEST, dq)
-    if outcome == SINGULAR:
-        return _resolve_in_order_carefully(levels, b, W)
-    return dq, outcome == INCOMPLETE
+    fastest = _FASTEST if len(levels) > 1 else math.inf
+    return resolve_one(*levels[0], b, W, fastest=fastest, lower=levels[1:])
 
 
 def resolve_one(
@@ -157,21 +147,35 @@ def resolve_one(
     W: Weight,
     size: float = 0.0,
     fastest: float = math.inf,
+    lower: Sequence[Level] = (),
 ) -> tuple[JointVelocities, bool]:
-    """As `resolve`, without the check of shapes, and also for m > n; and whether a direction was
-    damped.
+    """As `resolve`, without the check of shapes, and also for m > n, above `lower` tasks; and
+    whether a direction was damped.
 
     Singular values are judged against the largest one of J, or against size if that is larger. A
     direction that takes more than `fastest` [rad/s] is damped as well. Raises ArrayError.
     """
-    dq = np.empty(len(b))
-    outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)
-    if outcome != SINGULAR:
-        return dq, outcome == INCOMPLETE
-    dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
-    if not math.isfinite(sum(dq.tolist())):
+    n = len(b)
+    J_lower, dx_lower = stacked(lower, n) if lower else _NO_LEVEL
+    array, form = (_NO_WEIGHT, IDENTITY) if W is None else as_array(W)
+    dq = np.empty(n)
+    try:
+        outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    except TypeError:  # not of float64
+        given = (J, dx, J_lower, dx_lower, b, array)
+        arrays = [np.asarray(each, np.float64) for each in given]
+        outcome = closed_form(*arrays, form, size, fastest, dq)
+    if outcome == INDEFINITE:
+        raise _indefinite(array)
+    if outcome == SINGULAR:
+        if lower:
+            return _resolve_in_order_carefully([(J, dx), *lower], b, W)
+        dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
+        if math.isfinite(sum(dq.tolist())):
+            return dq, damped
+    if outcome in (NOT_FINITE, SINGULAR):
         raise ArrayError(_complaint(J, dx, b, W, dq))
-    return dq, damped
+    return dq, outcome == INCOMPLETE
 
 
 def solve_weight(W: Weight, x: np.ndarray) -> np.ndarray:
@@ -206,38 +210,6 @@ def as_array(W: Weight) -> tuple[np.ndarray, int]:
     if isinstance(W, Factor):
         return W.F, W.form
     return W, WEIGHT
-
-
-def _solve(
-    J: Jacobian,
-    dx: TaskVelocity,
-    J_lower: Jacobian,
-    dx_lower: TaskVelocity,
-    b: JointVelocities,
-    W: Weight,
-    size: float,
-    fastest: float,
-    dq: JointVelocities,
-) -> int:
-    """SINGULAR, INCOMPLETE or SOLVED: the outcome of `closed_form`, which writes into dq.
-
-    Raises ArrayError for a problem without a solution.
-    """
-    array = _NO_WEIGHT
-    form = IDENTITY
-    if W is not None:
-        array, form = as_array(W)
-    try:
-        outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
-    except TypeError:  # not of float64
-        given = (J, dx, J_lower, dx_lower, b, array)
-        arrays = [np.asarray(each, np.float64) for each in given]
-        outcome = closed_form(*arrays, form, size, fastest, dq)
-    if outcome == INDEFINITE:
-        raise _indefinite(array)
-    if outcome == NOT_FINITE:
-        raise ArrayError(_complaint(J, dx, b, W, dq))
-    return outcome
 
 
 def _resolve_in_order_carefully(

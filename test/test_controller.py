@@ -24,7 +24,6 @@ from redres_ros import (
 from redres_ros.command import Published
 from redres_ros.errors import ArrayError, RangeError, RedresError
 from redres_ros.geometry import quintic
-from redres_ros.policy import Policy
 
 T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]
@@ -304,7 +303,7 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))
-    controller.go_on_from(Published(np.zeros(7), np.ones(7), np.zeros(7), np.ones(7)))
+    controller.published = Published(np.zeros(7), np.ones(7), np.zeros(7), np.ones(7))
     controller.switch_time = 0.5  # underway at 1 rad/s
     controller.switch_law(make_law('minimum_velocity'))
     for k in range(1, round(0.5 / period)):
@@ -442,43 +441,3 @@ def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):
     finally:
         gc.callbacks.pop()
     assert not collections
-
-
-LIMITS = ('position', 'velocity', 'acceleration', 'torque')
-
-
-def test_a_tick_that_was_prepared_solves_nothing_more(model, task, monkeypatch):
-    controller = controller_of(model, limits=LIMITS, limit_scale=0.1)
-    command = controller.update(task.start, DX)
-    controller.prepare(DX)
-    monkeypatch.setattr(Policy, 'solve', None)
-    assert controller.update(command.q_ref, DX.copy()).dq.any()
-
-
-@pytest.mark.parametrize('name', LAWS)
-def test_prepared_or_not_commands_are_the_same_whatever_changes_meanwhile(model, task, name):
-    """A tenth of the limits, so that they act; every fifth tick something is unforeseen."""
-    expected = controller_of(model, name, limits=LIMITS, limit_scale=0.1)
-    controller = controller_of(model, name, limits=LIMITS, limit_scale=0.1)
-    changes = [
-        lambda c: c.set_scaling('components'),
-        lambda c: c.set_limits(LIMITS, limit_scale=0.05),
-        lambda c: c.go_on_from(c.published._replace(q=c.reference + 1e-6)),
-        lambda c: c.hold_at(c.reference),
-        lambda c: c.hold(),
-        lambda c: c.resume(),
-        lambda c: setattr(c, 'gap', 3),
-    ]
-    q = task.start
-    for tick in range(5 * len(changes)):
-        dx = tick / 10.0 * DX
-        missed = int(tick % 5 == 1)
-        command = controller.update(q, dx, missed)
-        np.testing.assert_allclose(
-            command.dq, expected.update(q, dx, missed).dq, rtol=0.0, atol=ROUNDING
-        )
-        controller.prepare((tick + 1 if tick % 5 else 7) / 10.0 * DX)
-        if tick % 5 == 3:
-            for each in (controller, expected):
-                changes[tick // 5](each)
-        q = command.q_ref

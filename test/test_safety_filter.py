@@ -7,7 +7,7 @@ import pytest
 
 from redres_ros import Command, Controller, RobotModel, make_law
 from redres_ros.command import Published
-from redres_ros.loop.safety_filter import SafetyFilter
+from redres_ros.loop.safety import SafetyFilter
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('lwr4_paper')
@@ -22,7 +22,7 @@ class Guarded:
     def __init__(self, q: np.ndarray, dq: np.ndarray) -> None:
         limits = ('position', 'velocity', 'acceleration')
         self.controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=limits)
-        self.controller.go_on_from(Published(q, dq, np.zeros(MODEL.n), dq))
+        self.controller.published = Published(q, dq, np.zeros(MODEL.n), dq)
         self.filter = SafetyFilter(self.controller)
 
     def admit(self, desired: np.ndarray, missed: int) -> Command:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from redres_ros.geometry import quintic
-from redres_ros.loop.twist_buffer import ANGULAR_ACCELERATION, LINEAR_ACCELERATION, TwistBuffer
+from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION, TwistBuffer
 
 T = 0.002  # [s]
 A = LINEAR_ACCELERATION
@@ -15,9 +15,7 @@ def along(cycle: int) -> np.ndarray:
     return np.array((0.5, 0.0, 0.0)) / 3.0 * quintic(cycle * T / 3.0)[1]
 
 
-def played(
-    arrivals: dict[int, list[int]], ticks: int, lag: int = 1, *, prepared: bool = False
-) -> np.ndarray:
+def played(arrivals: dict[int, list[int]], ticks: int, lag: int = 1) -> np.ndarray:
     """What is played, (ticks, 3), when task velocities of cycles come before a tick, as by
     arrivals.
     """
@@ -26,8 +24,6 @@ def played(
     for tick in range(ticks):
         for cycle in arrivals.get(tick, ()):
             twist_buffer.put(cycle, along(cycle))
-            if prepared:
-                twist_buffer.prepare(tick)
         out.append(twist_buffer.play(tick))
     return np.array(out)
 
@@ -57,24 +53,12 @@ def test_within_the_lag_it_does_not_matter_when_task_velocities_come() -> None:
     np.testing.assert_array_equal(out[3:], [along(k) for k in range(1497)])
 
 
-def test_what_was_prepared_is_what_is_played_whatever_else_comes_or_is_missing() -> None:
-    random = np.random.default_rng(2)
-    arrivals: dict[int, list[int]] = {}
-    for k in range(1500):
-        if random.random() > 0.1:
-            arrivals.setdefault(k + int(random.integers(0, 3)), []).append(k)
-    expected = played(arrivals, 1500)
-    np.testing.assert_array_equal(played(arrivals, 1500, prepared=True), expected)
-
-
 def test_a_task_velocity_that_is_missing_now_and_then_hardly_shows() -> None:
     random = np.random.default_rng(1)
     out = played({k + 1: [k] for k in range(1500) if random.random() > 0.3}, 1500)
-    # A straight line through two neighbours misses a quintic by its curvature, 60 d/T^3 T^2 / 2 a
-    # cycle squared: for gaps of up to six cycles at most 36 times that.
-    curvature = 60.0 * 0.5 / 3.0**3 * T * T
-    np.testing.assert_allclose(out[5:], PERFECT[5:], rtol=0.0, atol=36 * curvature)
-    assert peak_acceleration(out) < 1.1 * PEAK
+    # The velocity of a few cycles before, at most
+    np.testing.assert_allclose(out[5:], PERFECT[5:], rtol=0.0, atol=6 * T * PEAK)
+    assert peak_acceleration(out) < 2.2 * PEAK
 
 
 @pytest.mark.parametrize('length', [10, 30, 50])
@@ -82,7 +66,7 @@ def test_a_planner_that_was_held_up_is_caught_up_with_smoothly(length: int) -> N
     gaps = [range(start, start + length) for start in range(200, 1300, 250)]
     arrivals = {k + 1: [k] for k in range(1500) if not any(k in gap for gap in gaps)}
     out = played(arrivals, 1500)
-    assert peak_acceleration(out) < 1.3 * PEAK
+    assert peak_acceleration(out) < 2.2 * PEAK
     np.testing.assert_array_equal(out[1460:], PERFECT[1460:])
 
 

@@ -2,22 +2,23 @@
 velocities, faults, and the safety filter.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import Command, Published
 from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.commands import Commands
+from redres_ros.loop.approach import Approach
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
-from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.measurements import Measurements
-from redres_ros.loop.modes import MOVING_MODES, Conditions, Mode, RobotSession, next_mode
-from redres_ros.loop.twist_buffer import TwistBuffer
-from redres_ros.loop.velocity_input import LoopSettings, VelocityInput
+from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
+from redres_ros.loop.pose_hold import PoseHold
+from redres_ros.loop.safety import FaultMonitor, SafetyFilter
+from redres_ros.loop.velocity_input import AUTO, LoopSettings, TwistBuffer, VelocityInput
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -28,11 +29,16 @@ from redres_ros.types import (
     check_finite,
 )
 
+_TWIST = 6  # rows of a task velocity that has components to hold
 _LITTLE = 0.05  # scaling factor below which a task hardly goes on
 _LONG = 1.0  # [s] after which that is reported
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
+# A response that was sent so shortly before the robot published the next state came after that.
+_TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
+_TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
+_INTERVAL_TIME = 2.0  # [s] after which a long interval between states counts no more
 
 
 class Response(NamedTuple):
@@ -64,6 +70,9 @@ class CommandLoop:
     Args:
         controller: It is updated here and nowhere else.
         contact: How the arm yields to wrenches; None: not at all.
+
+    Attributes:
+        is_connected: Whether commands may reach the robot at all.
     """
 
     def __init__(
@@ -75,15 +84,20 @@ class CommandLoop:
         settings = settings or LoopSettings()
         contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
         self._controller = controller
-        self._holds = controller.robot_interface.holds  # the robot does, without a command
+        self._interface = controller.robot_interface
+        self._holds = self._interface.holds  # the robot does, without a command
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
-        self._session = RobotSession(settings.lockstep)
         self.input = VelocityInput(controller, self._cycles, settings)
         self.measurements = Measurements(controller, contact, self._cycles)
         self.faults = FaultMonitor(controller)
-        self._commands = Commands(controller, self.faults, self.input, self.measurements)
-        self.safety_filter = self._commands.safety_filter
+        self.safety_filter = SafetyFilter(controller)
+        self._pose_hold = PoseHold(controller)
+        # What comes before the input is followed, while that lasts.
+        self._approach: Approach | None = None
         self.mode = Mode.HOLDING
+        self._settled: tuple[Mode, Conditions] | None = None  # a mode that stays, as long as these
+        self._before: Published | None = None  # what the last command continued from
+        self._sent = -math.inf  # when the newest response was on its way [s]
         self.responses = 0  # to states
         self.skipped = 0  # cycles whose state did not come
         self.newest_response: Response | None = None
@@ -91,12 +105,18 @@ class CommandLoop:
         self._newest: _State | None = None  # that was believed
         self._waiting: _State | None = None  # that has no response yet
         self._expecting = settings.lockstep  # that velocities go on to come
+        self.is_connected = True
+        self._is_commanding = True  # by the robot's session; a robot without one takes commands
+        # In lock-step the first command begins command mode, so the tick in which the news of that
+        # arrives must not matter.
+        self._undecided = settings.lockstep
         self._active = True
         self._held = False  # by request
         self._yields_alone = False  # it moves only as measurements ask
         self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
+        self._gap_cycle = 0  # of the longest interval between states of late
         if not (self._holds or settings.lockstep):
-            controller.longest_gap = controller.robot_interface.restart_after + 1
+            controller.longest_gap = self._interface.restart_after + 1
 
     # --- what others ask for ----------------------------------------------------------------------
 
@@ -108,7 +128,7 @@ class CommandLoop:
     @property
     def commanding(self) -> bool:
         """Whether the robot takes commands, as far as is known."""
-        return self.faults.executes and self._session.commanding_at(self._cycles.newest)
+        return self.faults.executes and self.is_connected and self._is_commanding
 
     @property
     def limit_warning(self) -> str:
@@ -164,21 +184,22 @@ class CommandLoop:
         self._newest = None
         self._held = False
         self._cycles.restart()
-        self._begin_anew()
+        self._begin_anew(None)
 
     def enter_session(self, state: str) -> None:
-        """Record the name of the robot's session state; a robot without one takes commands.
+        """Record the name of the robot's session state.
 
         One that begins to take commands executes them, whatever it did before.
         """
-        self._session.enter(state)
-        if not self.faults.executes and self._session.commanding_at(self._cycles.newest):
+        self._undecided = self._undecided and state not in COMMANDING
+        self._is_commanding = state in COMMANDING or self._undecided
+        if self._is_commanding and not self.faults.executes:
             self.faults.clear()
 
     def set_connected(self, connected: bool) -> None:
         """Whether commands may reach the robot at all; a moving arm is not let go of."""
         if self.mode not in MOVING_MODES:
-            self._session.is_connected = connected
+            self.is_connected = connected
 
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
@@ -201,72 +222,58 @@ class CommandLoop:
 
         Raises:
             ClockError: The stamp is not that of a new cycle.
-            LeapError: A joint has moved further than it can.
             ArrayError: Positions that are not finite.
         """
         if not np.isfinite(q).all():
             check_finite(q, 'q')
-        self.input.note_input(now)
-        stamp_before = self._cycles.newest
-        if stamp and stamp == stamp_before:
-            return self._same_again(q, now)
-        clock_step = (stamp - stamp_before) / NANOSECONDS - now + self._cycles.arrived
-        cycles = self._cycles.enter(stamp, now)
-        q = self._controller.nearest_turn(q)
-        if cycles == 0:
-            if stamp_before:
-                self._session.begin(stamp)
-            held = self._held_reference(q, clock_step)
-            self._begin_anew()
-            if held is not None:
-                self._controller.hold_at(held)
-        elif self._newest and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
-            seconds = (self._cycles.number - self._newest.cycle) * self._controller.T
-            self.faults.check_leap(q, self._newest.q, seconds)
-        if self._waiting:
-            self._expecting = False  # the robot did not wait, so nothing else need
-        self._newest = _State(stamp, self._cycles.number, q, now)
+        cycles = self._cycles
+        before = cycles.newest
+        if self._controller.has_turns:
+            q = self._controller.nearest_turn(q)
+        if stamp and stamp == before and self._newest:
+            # A robot that waits for its command asks again, and gets the same one.
+            if not np.array_equal(q, self._newest.q):
+                raise ClockError(
+                    'stamped as the last one, but with other positions; expected a later stamp'
+                )
+            return self.respond_if_due(now) if self._waiting else self.newest_response
+        # Else it may be the same one for a controller that was activated while the robot waits.
+        if stamp != before or not stamp:
+            # A robot whose clock has made a step against this computer's is another one.
+            step = (stamp - before) / NANOSECONDS - now + cycles.arrived
+            if cycles.enter(stamp, now) == 0:
+                self._begin_anew(q if before and abs(step) < _CLOCK_STEP else None)
+            if self._waiting:
+                self._expecting = False  # the robot did not wait, so nothing else need
+        self._newest = _State(stamp, cycles.number, q, now)
         self._waiting = self._newest
         return self.respond_if_due(now)
 
-    def _same_again(self, q: JointPositions, now: Seconds) -> Response | None:
-        """A robot that waits for its command asks again, and gets the same one."""
-        if self._newest is None:  # activated while the robot waits
-            q = self._controller.nearest_turn(q)
-            self._newest = _State(self._cycles.newest, self._cycles.number, q, now)
-            self._waiting = self._newest
-        elif not np.array_equal(q, self._newest.q):
-            raise ClockError(
-                'stamped as the last one, but with other positions; expected a later stamp'
-            )
-        return self.respond_if_due(now) if self._waiting else self.newest_response
+    def _begin_anew(self, q: JointPositions | None) -> None:
+        """Reset the published references: the robot is another one, or was restarted.
 
-    def _held_reference(self, q: JointPositions, clock_step: Seconds) -> JointPositions | None:
-        """The last reference, if an arm that was silent for long is where that holds it.
-
-        A robot whose clock has made a step against this computer's is another one.
+        The last reference stays if an arm that was silent for long, measured at q, is where that
+        holds it.
         """
-        published = self._controller.published
+        controller = self._controller
+        published = controller.published
         is_held = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
-        is_another = abs(clock_step) >= _CLOCK_STEP
-        if published is None or not is_held or is_another or self.faults.is_away(q):
-            return None
-        return published.q
-
-    def _begin_anew(self) -> None:
-        """Reset the published references: the robot is another one, or was restarted."""
+        is_away = q is None or self.faults.is_away(q)
         self.faults.clear()
         self.faults.begin()
         self.input.buffer.clear()
-        self._commands.end_approach()
-        self._controller.restart()
+        self._end_approach()
+        if published is None or is_away or not is_held:
+            controller.restart()
+        else:
+            controller.hold_at(published.q)
         self.newest_response = None
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
 
     def note_sent(self, now: Seconds) -> None:
         """The newest response is on its way."""
-        self._commands.sent = now
+        self._sent = now
 
     def enter_twist(
         self, stamp: Nanoseconds, dx: TaskVelocity, now: Seconds, time_of_day: Nanoseconds = 0
@@ -281,14 +288,12 @@ class CommandLoop:
             TwistSpeedError: It is too fast.
             TwistAgeError: It is too old, or stamped too far ahead.
         """
-        self.input.check_twist(dx)
         return self._enter(self.input.of_task, stamp, dx, now, time_of_day)
 
     def enter_joint_velocity(
         self, stamp: Nanoseconds, dq: JointVelocities, now: Seconds, time_of_day: Nanoseconds = 0
     ) -> Response | None:
         """As enter_twist(), for velocities of all joints; the newest kind counts."""
-        self.input.check_joint_velocity(dq)
         return self._enter(self.input.of_joints, stamp, dq, now, time_of_day)
 
     def _enter(
@@ -300,22 +305,11 @@ class CommandLoop:
         time_of_day: Nanoseconds,
     ) -> Response | None:
         kind = self.input.buffer
-        of_a_state = self.input.enter(buffer, stamp, dx, now, time_of_day)
+        if self.input.enter(buffer, stamp, dx, now, time_of_day):
+            self._expecting = True
         if self.input.buffer is not kind:
-            self._commands.end_approach()
-        self._expecting = self._expecting or of_a_state
-        response = self.respond_if_due(now)
-        if of_a_state and self._waiting is None:
-            self._prepare(buffer)
-        return response
-
-    def _prepare(self, buffer: TwistBuffer) -> None:
-        """Compute ahead what the next response needs, while nobody waits for it."""
-        follows = self.mode is Mode.MOVING and self._commands.approach is None
-        if follows and not (self._yields_alone or self.measurements.yields):
-            dx = buffer.prepare(self._cycles.number + 1)
-            if dx is not None:
-                self._controller.prepare(dx)
+            self._approach = None
+        return self.respond_if_due(now)
 
     def respond_if_due(self, now: Seconds) -> Response | None:
         """The response to the state that waits, once it need not wait any longer."""
@@ -325,7 +319,7 @@ class CommandLoop:
         known = self.input.buffer.known_until >= state.cycle
         if not known:
             awaits = self._expecting and not self._held
-            patience = self._controller.robot_interface.patience
+            patience = self._interface.patience
             if self.input.settings.lockstep or (awaits and now - state.arrived < patience):
                 return None
         self._waiting = None
@@ -338,26 +332,34 @@ class CommandLoop:
 
     def _respond(self, state: _State, now: Seconds) -> Response | None:
         """What was missed, what is asked for, the mode that follows, and its command."""
-        missed = self._count_missed(state)
+        missed = 0
+        self._silence = ''
+        if self._holds and self.mode in MOVING_MODES:
+            self._drop_late(min(state.arrived, self._cycles.earliest_arrival))
+        if self.newest_response:
+            missed = state.cycle - self.newest_response.cycle - 1
+            if missed or self._controller.gap > 1:
+                missed = self._bridge(state, self.newest_response, missed)
         stale = self.input.is_stale(state.cycle, now)
         dx = self.input.buffer.play(state.cycle)
-        self._measure(state, missed)
-        self._watch(state, dx, stale, missed)
+        self._watch(state, dx, missed, stale)
         blocked = self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))
+        published = self._controller.published
         try:
-            command = self._command(state, dx, missed)
+            command = self._command(state.q, dx, missed)
         except RedresError as error:
             self.faults.set(str(error))
             blocked = True
             self.mode = Mode.STOPPING
             self.measurements.restart()
-            command = self._commands.brake(state.q, missed)
-        follows = not (blocked or stale or self._commands.approach)
+            self._controller.published = published
+            command = self._command(state.q, dx, missed)
+        follows = not (blocked or stale or self._approach)
         if not follows or command.s >= _LITTLE:
             self._slow_since = 0
         elif not self._slow_since:
@@ -365,76 +367,91 @@ class CommandLoop:
         scaling = command.s if follows else 0.0
         return Response(state.stamp, command, scaling, state.q, state.cycle)
 
-    def _count_missed(self, state: _State) -> Cycles:
+    def _drop_late(self, published: Seconds) -> None:
+        """Have the next command replace the last one, if both reach the robot in the same cycle,
+        which has published a state between them.
+
+        One that holds executes only the second of them, which would be a step of two cycles.
+        """
+        if published - self._sent < min(_TOGETHER, _TOGETHER_FRACTION * self._controller.T):
+            self._controller.published = self._before
+
+    def _bridge(self, state: _State, last: Response, missed: Cycles) -> Cycles:
         """The cycles without a command that count; after a long silence the arm is at rest."""
-        self._silence = ''
-        last = self.newest_response
-        moves = self.mode in MOVING_MODES
-        if moves and self._holds:
-            self._commands.drop_late(min(state.arrived, self._cycles.earliest_arrival))
-        published = self._controller.published
-        if last is None or published is None:
+        controller = self._controller
+        holds = self._holds
+        published = controller.published
+        if published is None:
             return 0
-        missed = max(state.cycle - last.cycle - 1, 0)
         self.skipped += missed
-        allowed = self._controller.robot_interface.restart_after
+        allowed = self._interface.restart_after
         if missed <= allowed:
-            if missed or self._commands.interval > 1:
-                self._commands.allow_for_interval(missed, state.cycle)
+            # In such intervals a robot that does not hold moves on: joints must stop in time.
+            is_long_ago = (state.cycle - self._gap_cycle) * controller.T > _INTERVAL_TIME
+            if not holds and (missed + 1 >= controller.gap or is_long_ago):
+                controller.gap = missed + 1
+                self._gap_cycle = state.cycle
             return missed
-        if self._commands.still_moves(state.q - last.q, missed, published):
-            return missed
-        if moves:
-            place = 'the last reference' if self._holds else 'the measured position'
+        if not holds:
+            # It may have continued by itself; a servo's lag is in both positions.
+            expected = controller.bridged(published, missed).q - published.q
+            if largest(state.q - last.q - expected) <= 0.5 * largest(expected):
+                return missed
+        if self.mode in MOVING_MODES:
+            place = 'the last reference' if holds else 'the measured position'
             self._silence = (
                 f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
                 f'{place}, at rest'
             )
-            self._commands.end_approach()
-            self._controller.hold_at(published.q if self._holds else state.q)
+            self._end_approach()
+            controller.hold_at(published.q if holds else state.q)
             self.mode = Mode.HOLDING
         return 0
 
-    def _measure(self, state: _State, missed: Cycles) -> None:
-        """Update measurements beside positions; they restart while motion is blocked."""
-        blocked = not self._active or self._held or self._cycles.rate_error or self.faults.reason
-        if blocked or self._commands.approach is not None:
-            self.measurements.restart()
-        try:
-            self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
-        except RedresError as error:
-            self.faults.set(str(error))
-            self.measurements.restart()
-
-    def _watch(self, state: _State, dx: TaskVelocity, stale: bool, missed: Cycles) -> None:
-        """Notice faults, and that one is over."""
-        approach = self._commands.approach
+    def _watch(self, state: _State, dx: TaskVelocity, missed: Cycles, stale: bool) -> None:
+        """Update measurements beside positions, and notice faults, or that one is over."""
+        measurements = self.measurements
+        faults = self.faults
+        approach = self._approach
+        blocked = not self._active or self._held or self._cycles.rate_error or faults.reason
+        if blocked or approach:
+            measurements.restart()
+        if not measurements.is_idle or measurements.contact.settings.enabled:
+            try:
+                measurements.update(state.q, missed, self.mode is not Mode.MOVING)
+            except RedresError as error:
+                faults.set(str(error))
+                measurements.restart()
         asks = not stale and largest(dx) > _NO_TASK
-        asks = asks or (self._yields_alone and self.measurements.asks)
-        self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
-        if approach is not None and approach.is_probe:
-            if approach.left <= 0.0:
-                self.faults.set_not_executing()
-        elif self.mode in MOVING_MODES and not self.faults.reason:
-            self.faults.watch(state.q, missed + 1)
+        asks = asks or (self._yields_alone and measurements.asks)
+        is_probed = approach is not None and approach.is_probe
+        moves = self.mode in MOVING_MODES and not is_probed
+        faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
+        if approach and is_probed and approach.left <= 0.0:
+            faults.set_not_executing()
 
     def _change_mode(self, state: _State, dx: TaskVelocity, stale: bool) -> bool:
         """Switch to the mode of this state; returns whether more than silence blocks motion.
 
         A fault does until its motion is given up.
         """
-        commandable = self.faults.executes and self._session.commanding_at(state.stamp)
-        has_fault = bool(self.faults.reason) and not self.faults.released
+        faults = self.faults
+        measurements = self.measurements
+        commandable = faults.executes and self.is_connected and self._is_commanding
+        has_fault = bool(faults.reason) and not faults.released
         is_ready = commandable and self._active and not (self._held or has_fault)
         blocked = not is_ready or bool(self._cycles.rate_error)
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
-        asked = allowed and (largest(dx) > 0.0 or self.faults.is_probing)
-        yields = self._yields_alone or self.measurements.asks
-        if yields and not blocked and self._may_yield(stale):
-            allowed = True
-            asked = asked or self.measurements.asks
+        asked = allowed and (largest(dx) > 0.0 or faults.is_probing)
+        if (self._yields_alone or measurements.asks) and not blocked and not faults.reason:
+            # An arm that only follows what is measured comes to rest after it by itself; one whose
+            # velocity ends brakes first.
+            interrupted = stale and self.mode is Mode.MOVING and not self._yields_alone
+            if not interrupted or measurements.contact.retreats:
+                allowed = True
+                asked = asked or measurements.asks
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or fastest > 0.0,
@@ -444,42 +461,79 @@ class CommandLoop:
             at_rest=not asked and fastest <= _AT_REST,
         )
         before = self.mode
-        self.mode = next_mode(before, conditions)
+        if self._settled != (before, conditions):
+            self.mode = next_mode(before, conditions)
+            self._settled = self.mode, conditions
         if self.mode is not before:
             self._begin_mode(state, before)
-        approaches = self._commands.approach is not None
-        self._yields_alone = stale and self.mode is Mode.MOVING and not approaches
+        self._yields_alone = stale and self.mode is Mode.MOVING and self._approach is None
         return blocked
-
-    def _may_yield(self, stale: bool) -> bool:
-        """Whether an arm follows what is measured, and comes to rest after it by itself."""
-        if self.faults.reason:
-            return False
-        interrupted = stale and self.mode is Mode.MOVING  # it brakes first
-        return self._yields_alone or not interrupted or self.measurements.contact.retreats
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         """What the mode of this state begins with."""
         controller = self._controller
         self.faults.begin()
-        self._commands.end_approach()
+        self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
         if self.mode is Mode.MOVING:
-            self._commands.begin_motion(state.q)
+            self._pose_hold.clear()
+            is_probe = self.faults.is_probing
+            if is_probe or self.faults.is_away(state.q):
+                self._approach = Approach(controller, state.q, is_probe=is_probe)
+            controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.hold_at(controller.reference)
         else:
             self.measurements.restart()
+
+    def _end_approach(self) -> None:
+        """Follow the input velocity again."""
+        if self._approach:
+            self._approach = None
+            self._controller.follow_joints(self.input.is_of_joints)
+
+    def _command(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
+        """The command of the mode in force, along an approach or the input velocity dx.
+
+        Raises RedresError if there is none.
+        """
+        controller = self._controller
+        measurements = self.measurements
+        approach = self._approach
+        correction = None
+        is_yielding = False
+        along = dx
         if self.mode is Mode.STOPPING:
             controller.hold()
-
-    def _command(self, state: _State, dx: TaskVelocity, missed: Cycles) -> Command:
-        """The command of the mode in force. Raises RedresError if there is none."""
-        if self.mode is Mode.MOVING:
-            return self._commands.move(state.q, dx, missed)
-        if self.mode is Mode.STOPPING:
-            return self._commands.brake(state.q, missed)
-        if self.mode is Mode.MIRRORING or self._controller.published is None:
-            self._controller.hold_at(state.q)
-        return self._commands.hold()
+            along = np.zeros(controller.m)
+        elif self.mode is not Mode.MOVING:
+            if self.mode is Mode.MIRRORING or controller.published is None:
+                controller.hold_at(q)
+            self.safety_filter.reason = ''
+            return controller.hold_command()
+        elif approach:
+            along = approach.velocity()
+        else:
+            is_open_loop = self.input.is_open_loop
+            scaling = self.input.settings.scaling
+            if scaling == AUTO:
+                scaling = 'components' if is_open_loop else 'task'
+            if scaling != controller.policy.scaling:
+                controller.set_scaling(scaling)
+            is_yielding = measurements.yields and not self.input.is_of_joints
+            if len(dx) == _TWIST and not self.input.is_of_joints:  # what yields is not held
+                is_steered = is_open_loop and not is_yielding
+                dx, correction = self._pose_hold.hold(dx, is_open_loop=is_steered)
+                along = dx
+            if is_yielding:
+                along = measurements.contact.velocity(dx, measurements.state(q), missed)
+        plan = controller.plan(q, along, missed, correction)
+        self._before = plan.base
+        command = controller.commit(self.safety_filter.admit(plan))
+        if is_yielding:
+            measurements.contact.record(command, dx)
+        if approach and self.mode is Mode.MOVING and approach.is_over(q):
+            self._end_approach()
+            self.faults.is_probing = False
+        return command

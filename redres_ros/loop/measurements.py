@@ -29,6 +29,7 @@ class Measurements:
     """Wrenches for contact, other measurements for preferences and limits.
 
     Attributes:
+        is_idle: Nothing was measured, and nothing was to yield.
         asks: For motion, now or shortly before.
         yields: Contact may change the task velocity.
     """
@@ -37,6 +38,7 @@ class Measurements:
         self, controller: Controller, contact: ContactControl, cycles: CycleCounter
     ) -> None:
         self.contact = contact
+        self.is_idle = True
         self.asks = False
         self.yields = False
         self._controller = controller
@@ -44,10 +46,9 @@ class Measurements:
         # By name, each with the time of the loop at which it came [s].
         self._values: dict[str, tuple[np.ndarray, Seconds]] = {}
         self._links = {'': '', BASE: controller.model.base_frame}  # by the name of a frame
-        self._time = 0.0  # [s] of the loop
+        self._time = 0.0  # [s] of the loop, since it is not idle
         self._asked = -np.inf  # when motion was last asked for [s]
         self._usable = 0.0  # when there was a usable wrench last, or none was needed [s]
-        self._is_idle = True  # nothing was measured, and nothing is to yield
 
     @property
     def problem(self) -> str:
@@ -73,7 +74,7 @@ class Measurements:
             UnknownNameError: The arm has no such link.
         """
         self._check_age('wrench', stamp, time_of_day)
-        self._is_idle = False
+        self.is_idle = False
         if frame not in self._links:
             model = self._controller.model
             model.position(np.zeros(model.n), frame)
@@ -88,7 +89,7 @@ class Measurements:
         Raises ArrayError for values that are not finite.
         """
         self._check_age(name, stamp, time_of_day)
-        self._is_idle = False
+        self.is_idle = False
         check_finite(value, name)
         self._values[name] = value, self._time
 
@@ -108,10 +109,7 @@ class Measurements:
         once a tick.
         """
         self._time += (missed + 1) * self._controller.T
-        self._is_idle = self._is_idle and not self.contact.settings.enabled
-        if self._is_idle:
-            self._usable = self._time
-            return
+        self.is_idle = False
         self.yields = self.contact.is_on
         if not self.yields:
             self.contact.sensor.advance(missed + 1)

@@ -1,4 +1,9 @@
-"""Incoming task and joint velocities: their parameters, age, speed, and the kind in use."""
+"""Incoming task and joint velocities: their parameters, age, speed, and the kind in use; sampled
+with a fixed lag, then limited in their acceleration.
+
+Which velocity a cycle uses must not depend on which process ran first: one tick more or less would
+look like an acceleration, and a law that minimises accelerations would obey it.
+"""
 
 import math
 from dataclasses import dataclass
@@ -8,16 +13,29 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
-from redres_ros.loop.twist_buffer import TwistBuffer
 from redres_ros.parameter import check_parameters, param
 from redres_ros.policy import SCALING
-from redres_ros.types import JointVelocities, Nanoseconds, Seconds, TaskVelocity
+from redres_ros.types import (
+    Cycles,
+    JointAccelerations,
+    JointVelocities,
+    Nanoseconds,
+    Seconds,
+    TaskVelocity,
+)
 
 AUTO = 'auto'
 
+# With which a sudden task velocity is approached.
+LINEAR_ACCELERATION = 2.0  # [m/s^2]
+ANGULAR_ACCELERATION = 6.0  # [rad/s^2]
+
+_DENSE = 2  # cycles between two velocities of a source that sends one a cycle, but for a few
+_EXTRAPOLATED = 10  # cycles at most over which a steady change goes on without new velocities
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
 # what was queued while the process slept is recognised only by its arrival.
-_QUEUED = 0.05  # [s] after a gap of all input, in which messages without a stamp may be old
+_QUEUED = 0.05  # [s] after a gap of all states, in which messages without a stamp may be old
+_SILENT = 0.15  # [s] without a state, after which velocities are of no use
 _ROUNDING = 1e-9  # of a limit
 
 
@@ -64,6 +82,108 @@ class TwistAgeError(RedresError):
     """A task velocity whose stamp is too far from the robot's clock."""
 
 
+class TwistBuffer:
+    """Returns the velocity of the state `lag` cycles ago, within the largest accelerations.
+
+    What comes every cycle acts as it is. Whatever the velocity jumps by is added back, and fades
+    out: over the cycles since the velocity before, which smooths what a camera or a joystick sends,
+    or over as many as the accelerations need. While none comes, a steady change goes on for a few
+    cycles.
+
+    Args:
+        rows: Rows of a velocity: 3, or 6 with the angular part below.
+        accelerations: Of each row by itself, instead of a linear and an angular one.
+
+    Attributes:
+        newest: Cycle of the newest velocity; -inf without one.
+        known_until: Cycle up to which play() need not guess.
+        missing: Cycles in which none came from a source that sends one a cycle.
+        late: Velocities that came after the cycle in which they were to act.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        T: Seconds,
+        lag: Cycles,
+        accelerations: JointAccelerations | None = None,
+    ) -> None:
+        self.missing = 0
+        self.late = 0
+        self._lag = lag
+        self._linear_step = LINEAR_ACCELERATION * T  # [m/s] a cycle
+        self._angular_step = ANGULAR_ACCELERATION * T  # [rad/s] a cycle
+        self._steps = None if accelerations is None else accelerations * T  # (m,) a cycle
+        self._rest = np.zeros(rows)
+        self._played = 0  # cycle that was played last
+        self.clear()
+
+    def clear(self) -> None:
+        """Clear the buffer: the next velocity is approached from rest."""
+        self.newest = -math.inf
+        self.known_until = -math.inf
+        self._twists: dict[int, TaskVelocity] = {}  # by cycle: those that have not acted yet
+        self._sampled: int | None = None  # cycle of the last one that has
+        self._interval = 0  # cycles between the last two
+        self._guesses = 0  # cycles since then
+        self._newest = self._rest  # the last one
+        self._target = self._rest  # the same, or where it has led since
+        self._slope = self._rest  # its steady change a cycle
+        self._residual = self._rest  # what is added to it, and fades out
+        self._left = 0  # cycles until it has
+
+    def put(self, cycle: int, dx: TaskVelocity) -> None:
+        """Record the velocity of a cycle; of several for one cycle the newest counts."""
+        self.late += cycle + self._lag <= self._played
+        if self._sampled is None or cycle >= self._sampled:
+            self._twists[cycle] = dx
+            self.newest = max(self.newest, cycle)
+            self.known_until = self.newest + self._lag
+
+    def play(self, cycle: int) -> TaskVelocity:
+        """The velocity of a later cycle."""
+        cycles = max(cycle - self._played, 1)
+        self._played = cycle
+        sampled = cycle - self._lag
+        known = sorted([each for each in self._twists if each <= sampled])
+        if known:
+            self._take(known, cycles)
+        elif self._guesses < _EXTRAPOLATED and self._cycles_needed(self._slope) <= 1:
+            self._target = self._target + cycles * self._slope
+        self._guesses = 0 if known else self._guesses + 1
+        self.missing += 0 < self._interval <= _DENSE and self._sampled != sampled
+        if self._left:
+            self._left -= 1
+            self._residual = self._residual * (self._left / (self._left + 1))
+        return self._target + self._residual
+
+    def _take(self, known: list[int], cycles: Cycles) -> None:
+        """Go over to the newest of the velocities of these cycles."""
+        for cycle in known:
+            dx = self._twists.pop(cycle)
+            self._interval = 0 if self._sampled is None else max(cycle - self._sampled, 1)
+            self._slope = self._rest
+            if 0 < self._interval <= _DENSE:
+                self._slope = (dx - self._newest) / self._interval
+            self._sampled = cycle
+            self._newest = dx
+        jump = self._target - dx
+        self._target = dx
+        if self._interval > 1 or self._cycles_needed(jump) > cycles:
+            self._residual = self._residual + jump
+            needed = self._cycles_needed(self._residual)
+            self._left = max(self._left, self._interval, needed)
+
+    def _cycles_needed(self, change: TaskVelocity) -> Cycles:
+        """Over so many cycles a change keeps to the largest accelerations."""
+        if self._steps is not None:
+            return math.ceil(float((np.abs(change) / self._steps).max()) - 1e-9)
+        values = change.tolist()
+        linear = math.hypot(*values[:3]) / self._linear_step
+        angular = math.hypot(*values[3:]) / self._angular_step
+        return math.ceil(max(linear, angular) - 1e-9)
+
+
 class VelocityInput:
     """The input velocities, of the task or of all joints; the newest kind counts.
 
@@ -95,36 +215,6 @@ class VelocityInput:
         self._cycles = cycles
         self._cycle = 0  # in which the newest velocity came
         self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
-        self._last_input = 0.0  # when any input came last [s]
-        self._woke = -math.inf  # when input came again after a gap [s]
-
-    def note_input(self, now: Seconds) -> None:
-        """Record when any input came: in a gap of all input the process may have slept."""
-        if self._last_input and now - self._last_input > self.settings.command_timeout:
-            self._woke = now
-        self._last_input = now
-
-    def check_twist(self, dx: TaskVelocity) -> None:
-        """Raise TwistSpeedError for a task velocity that is too fast."""
-        settings = self.settings
-        for part, unit, name, most in (
-            (dx[:3], 'm/s', 'max_linear', settings.max_linear),
-            (dx[3:], 'rad/s', 'max_angular', settings.max_angular),
-        ):
-            speed = math.hypot(*part.tolist())
-            if not speed <= most:
-                raise TwistSpeedError(f'{speed:.6g} {unit}; allowed: {most:g} (parameter {name})')
-
-    def check_joint_velocity(self, dq: JointVelocities) -> None:
-        """Raise TwistSpeedError for joint velocities beyond the arm's limits."""
-        model = self._controller.model
-        excess = np.abs(dq) - model.dq_max * (1.0 + _ROUNDING)
-        if not (excess <= 0.0).all():
-            joint = int(np.argmax(excess))
-            raise TwistSpeedError(
-                f'{model.joint_names[joint]}: {dq[joint]:.6g} rad/s; '
-                f'allowed: {model.dq_max[joint]:.6g}'
-            )
 
     def enter(
         self,
@@ -134,18 +224,19 @@ class VelocityInput:
         now: Seconds,
         time_of_day: Nanoseconds,
     ) -> bool:
-        """Store a velocity that was checked, in of_task or of_joints; returns whether it belongs to
-        the state that its stamp names.
-
-        The rest is as of CommandLoop.enter_twist().
+        """Store a velocity in of_task or of_joints; returns whether it belongs to the state that
+        its stamp names. The rest is as of CommandLoop.enter_twist().
         """
+        self._check_speed(buffer, dx)
         cycles = self._cycles
-        self.note_input(now)
         if not cycles.newest:
             return False  # no state has come that it could belong to
         stamp = cycles.robot_stamp(stamp, time_of_day, self.settings.command_timeout)
-        if not self._is_of_this_robot(stamp):
-            return False
+        if problem := self._age_problem(stamp, now):
+            # After a silence its stamp may be another robot's, whose states have not come yet.
+            if now - cycles.arrived > _SILENT:
+                return False
+            raise TwistAgeError(problem)
         if buffer is not self.buffer:
             buffer.clear()
             self.buffer = buffer
@@ -158,27 +249,40 @@ class VelocityInput:
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 
-    def _is_of_this_robot(self, stamp: Nanoseconds) -> bool:
-        """Whether a velocity can be judged by the robot's clock: after a silence, its stamp may be
-        another robot's, whose states have not come yet. Else TwistAgeError if it is too old.
-        """
-        if not stamp:
-            if self._last_input - self._woke < _QUEUED:
-                raise TwistAgeError(
-                    f'without a stamp, within {_QUEUED:g} s after a gap of all input: it may have '
-                    'been sent long before'
+    def _check_speed(self, buffer: TwistBuffer, dx: TaskVelocity | JointVelocities) -> None:
+        """Raise TwistSpeedError for a velocity that is too fast."""
+        if buffer is self.of_joints:
+            model = self._controller.model
+            excess = np.abs(dx) - model.dq_max * (1.0 + _ROUNDING)
+            if not (excess <= 0.0).all():
+                joint = int(np.argmax(excess))
+                raise TwistSpeedError(
+                    f'{model.joint_names[joint]}: {dx[joint]:.6g} rad/s; '
+                    f'allowed: {model.dq_max[joint]:.6g}'
                 )
-            return True
-        timeout = self.settings.command_timeout
-        problem = self._cycles.age_problem(stamp, timeout)
-        if not problem:
-            return True
-        if self._last_input - self._cycles.arrived > timeout:
-            return False
-        raise TwistAgeError(
-            f'{problem} (parameter command_timeout); stamp it as the newest joint_states, or 0 for '
-            'now'
-        )
+            return
+        settings = self.settings
+        for part, unit, name, most in (
+            (dx[:3], 'm/s', 'max_linear', settings.max_linear),
+            (dx[3:], 'rad/s', 'max_angular', settings.max_angular),
+        ):
+            speed = math.hypot(*part.tolist())
+            if not speed <= most:
+                raise TwistSpeedError(f'{speed:.6g} {unit}; allowed: {most:g} (parameter {name})')
+
+    def _age_problem(self, stamp: Nanoseconds, now: Seconds) -> str:
+        """Why a velocity cannot be of now by the robot's clock; '' if it can."""
+        cycles = self._cycles
+        if not stamp:
+            if now - cycles.arrived <= _SILENT and now - cycles.woke >= _QUEUED:
+                return ''
+            return (
+                f'without a stamp, within {_QUEUED:g} s after a gap of all states: it may have '
+                'been sent long before'
+            )
+        problem = cycles.age_problem(stamp, self.settings.command_timeout)
+        remedy = ' (parameter command_timeout); stamp it as the newest joint_states, or 0 for now'
+        return problem and problem + remedy
 
     def is_stale(self, cycle: int, now: Seconds) -> bool:
         """Whether the newest velocity is too old for the state of a cycle: by its stamp, and by its

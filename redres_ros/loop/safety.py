@@ -1,0 +1,249 @@
+"""What keeps an arm safe: faults that stop it, and when it may resume; and the safety filter, the
+last check of a reference before it is published.
+
+Limits on dq do not bound what the robot gets: missed cycles, restarts, measurements and wrapped
+angles all act on the reference. With p where the robot is by now and v its velocity
+(RobotInterface.bridged), a reference q_ref passes the filter if
+
+    q_min <= q_ref <= q_max,   |q_ref - p| <= V T,   |(q_ref - p)/T - v| <= A T
+
+(outside the range: only towards it). Otherwise the arm brakes within A.
+"""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from redres_ros.controller import Controller, Plan
+from redres_ros.kernels.boxes import admit
+from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
+from redres_ros.types import Cycles, JointAccelerations, JointPositions, JointVelocities, Radians
+
+_LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
+_DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
+_DELAY = 0.03  # [s] of dead time that is allowed for
+_SHORTEST = 0.02  # [s] between two looks at whether the arm has moved
+_LONGEST = 1.0  # [s]
+_COMMANDED = 1e-3  # [rad] that a joint must be commanded to move before it is judged
+_MOVED = 0.1  # of that, which shows that it moves
+_NOISE = 1e-4  # [rad] of a measurement
+_AWAY = 3.0  # states in short succession that are away from the reference; encoders may fail once
+_AWAY_DECAY = 0.1  # of these for each good one
+_PROBE_TIME = 0.5  # [s] between probes of whether an arm that does not move is moved again
+_PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
+_SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
+_SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
+
+
+class FaultMonitor:
+    """Notices faults: an arm that does not follow its references, impossible measurements,
+    null-space motion without end. The first fault stays until a new motion is commanded, or it is
+    cleared.
+
+    Attributes:
+        reason: Of the fault; empty without one.
+        executes: False for an arm that does not move at all.
+        released: The motion that was stopped is no longer commanded.
+        is_probing: Motion begins with a probe of whether the arm moves.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.reason = ''
+        self._controller = controller
+        self._model = controller.model
+        self._allowed = controller.robot_interface.following_tolerance  # [rad]
+        self._until_probe = 0.0  # [s]
+        self._pause = 0.0  # [s] for which no motion was asked for
+        self._references: deque[JointPositions] = deque(maxlen=max(round(_DELAY / controller.T), 1))
+        self.clear()
+        self.begin()
+
+    def begin(self) -> None:
+        """The arm is at rest, at its reference."""
+        self._references.clear()
+        # The ranges of positions: commanded, the same as late as an arm may be, and measured.
+        self._lower = np.full((3, self._model.n), np.inf)
+        self._upper = -self._lower
+        self._elapsed = 0.0  # [s] of these
+        self._settling = 0.0  # [s] for which the arm has moved without a task
+        self._fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
+        self._away = 0.0  # states that were away from the reference, of late
+
+    def set(self, reason: str) -> None:
+        """There is a fault; of several the first one counts."""
+        if not self.reason:
+            self.reason = reason
+            self.released = False
+            self._pause = 0.0
+
+    def set_not_executing(self) -> None:
+        """The arm does not move at all. Whether it does again is probed now and then."""
+        self.set('the arm does not move: the robot executes no commands')
+        self.executes = False
+        self.is_probing = False
+        self._until_probe = _PROBE_TIME
+
+    def clear(self) -> None:
+        """There is none any more."""
+        self.reason = ''
+        self.executes = True
+        self.released = False
+        self.is_probing = False
+
+    def update(
+        self, q: JointPositions, cycles: Cycles, *, asks: bool, stale: bool, moves: bool
+    ) -> None:
+        """Record a state, `cycles` after the last one.
+
+        Args:
+            asks: A velocity asks for motion; a new motion clears a fault.
+            stale: Velocities are too old.
+            moves: The arm follows its reference, and is to be watched.
+        """
+        seconds = cycles * self._controller.T
+        self.released = self.released or (stale and self._pause >= _PAUSE)
+        if asks and self.reason and (self.released or self._pause >= _PAUSE):
+            self.clear()
+        if not stale and not self.executes:
+            self._until_probe -= seconds
+            if self._until_probe <= 0.0:
+                self.clear()
+                self.is_probing = True
+        self._pause = 0.0 if asks else self._pause + seconds
+        self._settling = 0.0 if asks else self._settling + seconds
+        published = self._controller.published
+        if not moves or self.reason or published is None:
+            return
+        update_peak(self._fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
+        lag, joint = largest_excess(published.q, q, self._fast, _LAG_TIME)
+        if lag <= self._allowed:
+            self._away = max(self._away - _AWAY_DECAY, 0.0)
+        else:
+            self._away += 1.0
+        if self._away >= _AWAY:
+            self.set(
+                f'the arm does not follow: {self._model.joint_names[joint]} is {lag:.3g} rad '
+                f'further than it can be from its reference, allowed {self._allowed:g}; does '
+                'another robot publish joint_states, too?'
+            )
+        delayed = self._references[0] if self._references else published.q
+        self._references.append(published.q)
+        self._elapsed += seconds
+        widen(self._lower, self._upper, published.q, delayed, q)
+        if self._elapsed >= _SHORTEST and not self._has_moved(published.q, delayed, q):
+            self.set_not_executing()
+        if self._settling > _SETTLING_TIME and largest(published.dq) > _SETTLED:
+            self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
+
+    def _has_moved(self, *positions: JointPositions) -> bool:
+        """Whether any joint has moved, if any was commanded to; then the ranges begin anew."""
+        in_time, later, moved = self._upper - self._lower
+        commanded = np.minimum(in_time, later)
+        is_little = largest(commanded) < _COMMANDED
+        if is_little and self._elapsed < _LONGEST:
+            return True
+        self._lower = np.array(positions)
+        self._upper = self._lower.copy()
+        self._elapsed = 0.0
+        return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
+
+    def _lag(self, q: JointPositions) -> tuple[Radians, int]:
+        """How far the joint furthest behind is from its reference, and which one it is.
+
+        What a servo may be behind a moving reference does not count.
+        """
+        published = self._controller.published
+        q_ref = q if published is None else published.q
+        return largest_excess(q_ref, q, self._fast, _LAG_TIME)
+
+    def is_away(self, q: JointPositions) -> bool:
+        """Whether an arm measured at q is not where its reference is."""
+        return self._lag(q)[0] > self._allowed
+
+    def holding_problem(self, q: JointPositions) -> str:
+        """Why an arm at rest, measured at q, cannot stay at its reference; or ''."""
+        controller = self._controller
+        if controller.published is None:
+            return ''
+        lag, joint = self._lag(q)
+        if lag > self._allowed:
+            return (
+                f'held, and {self._model.joint_names[joint]} is measured {lag:.3g} rad from its '
+                'reference: the next motion begins with an approach to where the arm is'
+            )
+        command = controller.hold_command()
+        limits = controller.policy.limits
+        bounds = limits and limits.at(command.state, command.T)
+        if not bounds or bounds.allow(command.dq):
+            return ''
+        _, active = bounds.nearest(command.dq, None, [])
+        name = active.name if active else ''
+        return (
+            f'held where a limit does not allow it ({name}): a task velocity moves it back '
+            'within its limits, or change that limit'
+        )
+
+
+class SafetyFilter:
+    """Checks plans against what the controller has published before."""
+
+    def __init__(self, controller: Controller) -> None:
+        self.count = 0  # references that it changed
+        self.reason = ''  # why it changed the last one; empty if it did not
+        self._controller = controller
+        self._limits = controller.policy.limits
+        self._V, self._A = self._allowed()
+
+    def admit(self, plan: Plan) -> Plan:
+        """The plan whose reference may be published."""
+        model = self._controller.model
+        T = self._controller.T
+        base = plan.base
+        if self._controller.policy.limits is not self._limits:
+            self._limits = self._controller.policy.limits
+            self._V, self._A = self._allowed()
+        V = self._V
+        A = self._A
+        q_ref = np.empty(model.n)
+        dq = np.empty(model.n)
+        joint = admit(plan.q_ref, base.q, base.dq, T, V, A, model.q_min, model.q_max, q_ref, dq)
+        self.reason = ''
+        if joint < 0:
+            return plan
+        self.count += 1
+        self.reason = self._reason(plan, joint)
+        solution = replace(plan.solution, dq=dq)
+        ddq = (dq - base.dq) / T
+        return replace(plan, solution=solution, q_ref=q_ref, dq=dq, ddq=ddq)
+
+    def _allowed(self) -> tuple[JointVelocities, JointAccelerations]:
+        """V and A; infinite for a controller without limits."""
+        model = self._controller.model
+        unlimited = np.full(model.n, np.inf)
+        if self._limits is None:
+            return unlimited, unlimited
+        if self._limits.acceleration is not None:
+            return model.dq_max, self._limits.acceleration
+        return model.dq_max, np.array(model.arm.acceleration_limit or unlimited)
+
+    def _reason(self, plan: Plan, joint: int) -> str:
+        """The violation of a joint's reference."""
+        model = self._controller.model
+        T = self._controller.T
+        name = model.joint_names[joint]
+        value = float(plan.q_ref[joint])
+        if not np.isfinite(value):
+            return f'{name}: the reference is {value}; expected a finite one'
+        if not model.q_min[joint] <= value <= model.q_max[joint]:
+            return (
+                f'{name}: the reference {value:.4g} rad is outside the range '
+                f'{model.q_min[joint]:.4g} to {model.q_max[joint]:.4g}'
+            )
+        dq = (value - float(plan.base.q[joint])) / T
+        if abs(dq) > self._V[joint]:
+            return f'{name}: {abs(dq):.4g} rad/s; allowed: {self._V[joint]:.4g}'
+        ddq = abs(dq - float(plan.base.dq[joint])) / T
+        if ddq > self._A[joint]:
+            return f'{name}: {ddq:.4g} rad/s^2; allowed: {self._A[joint]:.4g}'
+        return f'{name}: {abs(dq):.4g} rad/s is too fast to stop at the end of its range'
