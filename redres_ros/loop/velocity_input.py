@@ -226,6 +226,10 @@ class VelocityInput:
     ) -> bool:
         """Store a velocity in of_task or of_joints; returns whether it belongs to the state that
         its stamp names. The rest is as of CommandLoop.enter_twist().
+
+        Raises:
+            TwistSpeedError: It is too fast.
+            TwistAgeError: It is too old, or stamped too far ahead.
         """
         self._check_speed(buffer, dx)
         cycles = self._cycles
