@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -29,9 +29,6 @@ from redres_ros.kernels.closed_form import (
     solve_rows,
 )
 from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
-
-if TYPE_CHECKING:
-    from redres_ros.limits.limits import ActiveLimit
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -87,6 +84,14 @@ Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None 
 Level = tuple[Jacobian, TaskVelocity]  # of one task
 
 
+class _ResistingLimit(Protocol):
+    """The limit that resists hardest."""
+
+    @property
+    def name(self) -> str:
+        """'joint: limit'."""
+
+
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
     """The joint velocity of one tick."""
@@ -99,7 +104,7 @@ class Solution:
     levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
     scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
     s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
-    active_limit: 'ActiveLimit | None' = None  # that resists hardest
+    active_limit: _ResistingLimit | None = None  # that resists hardest
     dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()

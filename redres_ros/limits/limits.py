@@ -50,7 +50,7 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
-    ) -> 'tuple[Constrained, ActiveLimit | None]':
+    ) -> 'tuple[Constrained, _ActiveLimit | None]':
         """The velocity within the bounds that is best for the tasks, and then nearest to dq, the
         optimum without limits; and the limit that resists hardest, None if none does.
 
@@ -68,7 +68,7 @@ class Bounds:
             solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
             return solved, None
-        return solved, ActiveLimit(self, solved.limiting, solved.side)
+        return solved, _ActiveLimit(self, solved.limiting, solved.side)
 
     def _can_be_kept(self, dq: JointVelocities) -> bool:
         """Whether the joints can brake within the limits after this velocity."""
@@ -98,7 +98,7 @@ class Bounds:
 
 
 @dataclass(slots=True)  # made in every tick in which limits act
-class ActiveLimit:
+class _ActiveLimit:
     """The limit that resists hardest. Which one it is, is found on request."""
 
     bounds: Bounds
