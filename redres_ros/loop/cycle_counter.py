@@ -96,7 +96,7 @@ class CycleCounter:
         if stamp <= 0:
             raise ClockError('the state has no stamp; expected the time of its measurement')
         self._unjudged.append(stamp)
-        if len(self._unjudged) > max(_INTERVALS, _JUDGED // self.period):
+        if len(self._unjudged) > _INTERVALS and abs(stamp - self._unjudged[0]) >= _JUDGED:
             self._judge_rate()
         if self.newest and 0 < stamp - self.newest <= _NEW_CLOCK:
             cycles = self._count(stamp, arrived)
