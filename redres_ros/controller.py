@@ -314,7 +314,7 @@ class Controller:
 
         Raises RedresError as update().
         """
-        if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
+        if missed != 0 and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
         are_arrays = type(q) is type(dx) is np.ndarray and q.dtype is dx.dtype is FLOAT64
         if not are_arrays or q.shape != self._q_shape or dx.shape != self._dx_shape:

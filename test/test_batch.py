@@ -39,6 +39,17 @@ class InlineExecutor(Executor):
         return future
 
 
+class CancelledExecutor(Executor):
+    """Runs nothing."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """The future of a call that is cancelled."""
+        future: Future[Any] = Future()
+        future.cancel()
+        future.set_running_or_notify_cancel()
+        return future
+
+
 def by_case(results: Iterator[Any]) -> dict[str, Any]:
     return {repr(result.case): result for result in results}
 
@@ -94,6 +105,15 @@ def test_workers_end_with_a_parent_that_is_killed():
     assert not worker.exists() or worker.read_text().split()[2] == 'Z'
 
 
+def test_an_executor_that_ended_is_an_error_and_one_that_cancels_the_reason_of_each_case():
+    with ThreadPoolExecutor(1) as executor:
+        pass
+    with pytest.raises(RedresError, match='the executor takes no cases: cannot schedule'):
+        next(batch(CASES, executor))
+    errors = [result.error for result in batch(CASES[:2], CancelledExecutor())]
+    assert errors == 2 * ['its worker failed: cancelled']
+
+
 def test_a_case_that_fails_has_its_reason_and_the_others_go_on(monkeypatch):
     def failing(case: Case, *_: Any) -> Any:
         if case.seed == 0:
@@ -123,6 +143,7 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
         ({'task': 'nowhere'}, 'nowhere'),
         ({'seed': -1}, 'seed is -1'),
         ({'gains': {'dampnig': 1.0}}, 'dampnig'),
+        ({'plugins': ['mine.py']}, r'plugin mine\.py.*only with batch\(\.\.\., plugins=True\)'),
     ],
 )
 def test_a_wrong_case_is_refused_before_any_other_runs(fields, words, monkeypatch):

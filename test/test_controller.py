@@ -355,7 +355,7 @@ def test_from_the_measurement_missed_cycles_are_not_counted_twice(model, task):
     assert second.q_ref == pytest.approx(measured + T * second.dq, abs=1e-15)
 
 
-@pytest.mark.parametrize('missed', [-1, 1.5, float('nan'), float('inf'), 10**400])
+@pytest.mark.parametrize('missed', [None, -1, 1.5, float('nan'), float('inf'), 10**400])
 def test_a_number_of_missed_cycles_that_cannot_be_is_refused(model, task, missed):
     controller = controller_of(model)
     first = controller.update(task.start, DX)

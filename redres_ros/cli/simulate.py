@@ -116,7 +116,7 @@ def _compare_many(options: argparse.Namespace) -> int:
     results = []
     handle(signal.default_int_handler, signal.SIGTERM)  # of `timeout`, or of Slurm: as Ctrl-C
     with suppress(KeyboardInterrupt), progress_bar(f'{len(cases)} motions') as progress:
-        for result in batch(cases):
+        for result in batch(cases, plugins=True):  # that --plugin names
             results.append(result)
             progress(len(results) / len(cases))
     print_tables(*summary_tables(results))

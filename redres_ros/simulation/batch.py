@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from redres_ros.controller import Controller
-from redres_ros.errors import RedresError, UnknownNameError
+from redres_ros.errors import RedresError, UnknownNameError, reason_of
 from redres_ros.files.plugins import load_plugins
 from redres_ros.files.processes import end_with_parent, handle
 from redres_ros.parameter import as_tuple, check_parameters, param
@@ -101,7 +101,10 @@ class _Job(NamedTuple):
 
 
 def batch(
-    cases: Iterable[Case | Mapping[str, Any]], executor: Executor | None = None
+    cases: Iterable[Case | Mapping[str, Any]],
+    executor: Executor | None = None,
+    *,
+    plugins: bool = False,
 ) -> Iterator[Result]:
     """The results of many motions, as they finish.
 
@@ -112,19 +115,24 @@ def batch(
         cases: Cases, or mappings of their fields.
         executor: Any executor of concurrent.futures, such as Dask's `client.get_executor()` or
             MPI's pool; None: one process for each processor.
+        plugins: Whether cases may name plugins, which are executed.
 
     Raises:
-        RedresError: A case that no worker could run, before any of them runs.
+        RedresError: A case that no worker could run, before any of them runs; an executor that
+            takes no cases.
     """
-    jobs = list(_checked_jobs(cases))
+    jobs = list(_checked_jobs(cases, plugins))
     with nullcontext(executor) if executor else _processes(len(jobs)) as pool:
-        running = {pool.submit(_work, job): job.case for job in jobs}
+        try:
+            running = {pool.submit(_work, job): job.case for job in jobs}
+        except RuntimeError as error:  # it was shut down, or its workers died
+            raise RedresError(f'the executor takes no cases: {reason_of(error)}') from None
         for future in as_completed(running):
-            error = future.exception()
-            if error is None:
+            failure = CancelledError('cancelled') if future.cancelled() else future.exception()
+            if failure is None:
                 yield future.result()
             else:
-                reason = f'its worker failed: {str(error) or type(error).__name__}'
+                reason = f'its worker failed: {reason_of(failure) or type(failure).__name__}'
                 yield Result(running[future], error=reason)
 
 
@@ -164,7 +172,7 @@ def make_controller(
     )
 
 
-def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]]) -> Iterator[_Job]:
+def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]], plugins: bool) -> Iterator[_Job]:
     """Jobs of cases; raises RedresError for one that cannot be run."""
     names = [each.name for each in fields(Case)]
     checked: dict[str, tuple[Arm, WaypointTask | None]] = {}  # of cases that differ in seeds alone
@@ -174,6 +182,11 @@ def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]]) -> Iterator[_Job]:
                 if name not in names:
                     raise UnknownNameError('field of a case', name, names)
         case = each if isinstance(each, Case) else Case(**each)
+        if case.plugins and not plugins:
+            raise RedresError(
+                f'a case has the plugin {case.plugins[0]}, which would be executed; allowed only '
+                'with batch(..., plugins=True)'
+            )
         kind = repr(replace(case, seed=0))
         if kind not in checked:
             checked[kind] = _arm_and_task(case)
