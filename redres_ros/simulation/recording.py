@@ -12,8 +12,9 @@ from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.types import Seconds
+from redres_ros.types import Jacobian, Seconds
 
+_SINGULAR = 'min_singular_value'
 _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 
@@ -36,20 +37,28 @@ class MotionRecorder:
         self._T = T
         self._pose = pose
         self._rows: list[tuple[float, ...]] = []
+        self._jacobians: list[Jacobian] = []
 
     def add(self, t: Seconds, command: Command, reference: Reference) -> None:
-        state = command.state
         errors = [norm(reference.error)]
         if reference.orientation_error is not None:
             errors.append(norm(reference.orientation_error))
         x = reference.x_d - reference.error
-        figures = [figure(command) for figure in VALUES.values()]
-        vectors = np.concatenate((state.q, command.dq, x, reference.x_d))
+        figures = [figure(command) for name, figure in VALUES.items() if name != _SINGULAR]
+        vectors = np.concatenate((command.state.q, command.dq, x, reference.x_d)).tolist()
         self._rows.append((t, *vectors, *errors, *figures, reference.segment))
+        self._jacobians.append(command.J)
 
     def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
         """The motion so far, and how it ended, in words."""
-        data = np.array(self._rows).reshape(-1, len(columns(self._n, self._pose)))
+        names = columns(self._n, self._pose)
+        at = names.index(_SINGULAR)
+        data = np.array(self._rows).reshape(-1, len(names) - 1)
+        if self._jacobians:  # all at once takes a third of the time
+            values = np.linalg.svd(self._jacobians, compute_uv=False)[:, -1]
+            data = np.insert(data, at, values, axis=1)
+        else:
+            data = np.empty((0, len(names)))
         return Recording(data, self._n, self._T, finished, ending, self._pose)
 
 
