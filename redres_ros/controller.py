@@ -148,6 +148,7 @@ class Controller:
         self.policy = policy
         self._targeted = policy  # with all targets, once it is in force
         self._desired: Policy | Hold = policy
+        self._motion: Motion = policy.stop
         self.restart()
         self.set_policy(policy)
 
@@ -163,7 +164,7 @@ class Controller:
         """The last position reference. Raises RedresError before the first."""
         if self.published is None:
             raise RedresError('there is no reference yet; expected an update() or hold_at() first')
-        return self.published.q
+        return self.published.q.copy()
 
     def set_policy(self, policy: Policy) -> None:
         """Switch to another policy; of several during one crossfade the last one counts.
@@ -175,6 +176,8 @@ class Controller:
         for name in ('preferences', 'secondary_tasks'):
             if getattr(policy, name) == getattr(self.policy, name):
                 kept[name] = getattr(self._targeted, name)
+        if policy.limits is not None and policy.limits.bounds_acceleration:
+            self._motion = self._motion.within(policy.limits)  # nothing can jump under them
         self.policy = policy
         self._targeted = replace(policy, **kept)
         self._has_open_targets = True
@@ -205,8 +208,9 @@ class Controller:
     ) -> None:
         """Switch to other limits; arguments as at construction.
 
-        With a limit on the acceleration they act at once, because nothing can jump under it. Others
-        are faded in. Raises RedresError for what cannot be used; those in force then stay.
+        With a limit on the acceleration they act at once, also on a crossfade under way, because
+        nothing can jump under it. Others are faded in. Raises RedresError for what cannot be used;
+        those in force then stay.
         """
         scales = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
         self._replace('limits', limits=limits, gains=limit_gains, **scales)
@@ -251,14 +255,19 @@ class Controller:
     def restart(self) -> None:
         """Restart at the next measured position: nothing was published."""
         self.published = None
-        self._motion: Motion = self.policy.stop
+        self._motion = self.policy.stop
         self._targeted = self.policy
         self._has_open_targets = True
         self._restarts = False  # once the arm has come to rest
         self._choose()
 
     def hold_at(self, q_ref: JointPositions) -> None:
-        """Be at rest with a reference, where the next motion begins."""
+        """Be at rest with a reference, where the next motion begins.
+
+        Raises ArrayError for a wrong shape, NaN or infinity; the controller is as it was before.
+        """
+        q_ref = as_vector(q_ref, self.model.n, 'q_ref').copy()
+        check_finite(q_ref, 'q_ref')
         self.restart()
         self.published = Published.at_rest(q_ref)
 
@@ -324,6 +333,8 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
+        if correction is not None:
+            correction = as_vector(correction, self.m, 'correction')
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)

@@ -38,6 +38,9 @@ class Motion(Protocol):
     def solve(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution:
         """The joint velocity of this tick, within limits, for the velocity of the first task."""
 
+    def within(self, limits: 'Limits') -> 'Motion':
+        """The same within other limits."""
+
 
 @dataclass(frozen=True)
 class Policy:
@@ -131,6 +134,10 @@ class Policy:
             active,
             component_scaling=solved.component_scaling,
         )
+
+    def within(self, limits: 'Limits') -> 'Policy':
+        """The same within other limits."""
+        return replace(self, limits=limits)
 
     def with_initial_targets(self, state: RobotState) -> 'Policy':
         """A copy with unset targets taken from this state."""
@@ -233,10 +240,17 @@ class Hold:
             return free
         return Solution(self.limits.braked(free.dq, state, T), free.J, free.executed)
 
+    def within(self, limits: 'Limits') -> 'Hold':
+        """The same within other limits."""
+        return replace(self, limits=limits)
+
 
 @dataclass(frozen=True, eq=False)
 class Crossfade:
-    """Any change of motion: law, preferences, tasks, limits, a start, a stop; without a jump."""
+    """Any change of motion: law, preferences, tasks, a start, a stop; without a jump.
+
+    Limits are faded only without one on the acceleration, old or new.
+    """
 
     old: Motion | None  # None: the joints continue at dq_old
     new: Policy | Hold  # its velocity history is the mixed velocity
@@ -271,6 +285,11 @@ class Crossfade:
             mixed = self.new.constrained(mixed, state, T)
         mixed.dq_old = old.dq
         return mixed
+
+    def within(self, limits: 'Limits') -> 'Crossfade':
+        """The same within other limits."""
+        old = None if self.old is None else self.old.within(limits)
+        return replace(self, old=old, new=self.new.within(limits))
 
     def after(self, solution: Solution) -> Motion:
         """The motion once its solution has been commanded: it keeps its old motion's velocity."""

@@ -163,6 +163,21 @@ def test_missed_cycles_are_gone_on_with_the_last_velocity(model, task, missed):
     assert second.q_ref == pytest.approx(bridged + T * second.dq, abs=1e-15)
 
 
+def test_a_callers_array_is_neither_kept_nor_handed_out(model, task):
+    controller = controller_of(model, 'minimum_acceleration')
+    q = task.start.copy()
+    controller.hold_at(q)
+    q += 0.1
+    controller.reference[:] += 0.1
+    np.testing.assert_array_equal(controller.reference, task.start)
+    for wrong in (np.full(model.n, np.nan), np.zeros(3)):
+        with pytest.raises(ArrayError, match='q_ref'):
+            controller.hold_at(wrong)
+    with pytest.raises(ArrayError, match='correction'):
+        controller.update(task.start, DX, correction=np.zeros(6))
+    np.testing.assert_array_equal(controller.reference, task.start)
+
+
 def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
     controller = controller_of(model)
     for _ in range(10):

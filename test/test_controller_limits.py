@@ -114,8 +114,14 @@ def test_limits_are_taken_off_without_a_jump(model, task, limits):
     assert command.s == 1.0
 
 
-def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(model, task):
-    controller, q = underway(model, task, switch_time=0.5)
+@pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_velocity'])
+@pytest.mark.parametrize('before', [(), BOX])
+@pytest.mark.parametrize('switch_time', [0.5, 2.0])  # of a start that is over, or under way
+def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(
+    model, task, switch_time, before, law
+):
+    controller, q = underway(model, task, switch_time=switch_time, limits=before)
+    controller.switch_law(law)
     controller.set_limits(BOX, limit_scale=0.05)
     for _ in range(300):
         command = controller.update(q, 3.0 * DX)
