@@ -4,10 +4,12 @@ all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from ament_index_python.packages import get_package_prefix
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
@@ -48,7 +50,6 @@ ARGUMENTS = {
     'log_level': ('', 'log level of our nodes: debug, info, warn, error or fatal'),
 }
 DEFAULT_ROBOT = 'lwr4_paper'
-TOPIC = 'topic'  # in place of an arm's name
 OF_EVERY_NODE = ('robot', 'rate', 'initial_state', 'use_sim_time')
 OF_ONE = {
     'controller': ('law', 'limits', 'limit_scale'),
@@ -128,13 +129,15 @@ def check_choices(given: dict[str, str]) -> None:
         if given[name] and given[name].lower() not in allowed:
             raise ValueError(f'{name}: got {given[name]!r}; allowed: {", ".join(allowed)}')
     for name in NUMBERS:
-        if given[name] and not is_positive(given[name]):
-            raise ValueError(f'{name}: got {given[name]!r}; allowed: a positive number')
+        with suppress(ValueError):
+            if not given[name] or 0.0 < float(given[name]) < math.inf:
+                continue
+        raise ValueError(f'{name}: got {given[name]!r}; allowed: a positive number')
 
 
 def check_together(given: dict[str, str], with_sim: bool) -> None:
     """Refuse arguments that do not go together. Raises ValueError."""
-    if with_sim and given['robot'] == TOPIC:
+    if with_sim and given['robot'] == 'topic':
         raise ValueError("robot: got 'topic'; the fake arm itself publishes robot_description")
     if with_sim and is_true(given['use_sim_time']):
         raise ValueError("use_sim_time: got 'true'; the fake arm publishes no /clock")
@@ -164,18 +167,12 @@ def ours(executable: str, names: list[str], file: Path, given: dict[str, str]) -
         name=names[0] if len(names) == 1 else None,  # a name would be that of all its nodes
         namespace=given['namespace'],
         parameters=[str(file), parameters(names, given)],
-        remappings=states(given),
+        remappings=[('joint_states', given['states'])],
         arguments=['--no-sim'] if executable == 'composed' and 'sim' not in names else [],
         ros_arguments=['--log-level', level] if level else [],
         output='screen',
         on_exit=Shutdown(reason=f'{executable} ended'),
     )
-
-
-def states(given: dict[str, str]) -> list[tuple[str, str]]:
-    """What takes the states from another topic."""
-    topic = given['states']
-    return [] if topic == 'joint_states' else [('joint_states', topic)]
 
 
 def parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
@@ -193,16 +190,26 @@ def parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
 def state_publisher(given: dict[str, str], description: str) -> Node:
     """Publishes the frames of the arm's links; the URDF itself comes from the fake arm."""
     return Node(
-        package='robot_state_publisher',
+        package=installed('robot_state_publisher'),
         executable='robot_state_publisher',
         namespace=given['namespace'],
         remappings=[
             *own_frames(given),
-            *states(given),
+            ('joint_states', given['states']),
             ('robot_description', 'robot_state_publisher/robot_description'),
         ],
         parameters=[{'robot_description': description}],
     )
+
+
+def installed(package: str) -> str:
+    """A package of ROS, looked for before anything is started. Raises ValueError."""
+    try:
+        get_package_prefix(package)
+    except LookupError:
+        name = f'ros-$ROS_DISTRO-{package.replace("_", "-")}'
+        raise ValueError(f'{package} is missing; expected: sudo apt install {name}') from None
+    return package
 
 
 def own_frames(given: dict[str, str]) -> list[tuple[str, str]]:
@@ -221,7 +228,7 @@ def rviz(given: dict[str, str], description: str, shared: dict[str, Any]) -> Nod
         arguments += ['-f', root]
     by_clock = given['use_sim_time'] or str(shared.get('use_sim_time', False))
     return Node(
-        package='rviz2',
+        package=installed('rviz2'),
         executable='rviz2',
         namespace=given['namespace'],
         remappings=frames,
@@ -233,11 +240,3 @@ def rviz(given: dict[str, str], description: str, shared: dict[str, Any]) -> Nod
 def is_true(word: str) -> bool:
     """Whether a switch is on."""
     return word.lower() == 'true'
-
-
-def is_positive(word: str) -> bool:
-    """Whether a text is a positive number."""
-    try:
-        return 0.0 < float(word) < math.inf
-    except ValueError:
-        return False

@@ -42,6 +42,7 @@ class Configuration:
 def stand_in() -> dict[str, ModuleType]:
     """Modules with the names of launch that the file uses."""
     names: dict[str, dict[str, Any]] = {
+        'ament_index_python.packages': {'get_package_prefix': str},
         'launch': {'LaunchContext': SimpleNamespace, 'LaunchDescription': list},
         'launch.actions': dict.fromkeys(
             ('DeclareLaunchArgument', 'IncludeLaunchDescription', 'OpaqueFunction', 'Shutdown'),
@@ -141,6 +142,16 @@ def test_what_cannot_be_meant_is_refused_and_names_the_argument(launch_file, giv
     with pytest.raises(ValueError) as refused:  # noqa: PT011, its words are looked at
         started(launch_file, **given)
     assert all(word in str(refused.value) for word in words), refused.value
+
+
+@pytest.mark.parametrize('package', ['robot_state_publisher', 'rviz2'])
+def test_nothing_is_started_without_a_package_that_is_needed(launch_file, package):
+    launch_file.get_package_prefix = dict.fromkeys(
+        {'robot_state_publisher', 'rviz2'} - {package}
+    ).pop
+    with pytest.raises(ValueError, match=f'^{package} is missing; expected: sudo apt install ros-'):
+        started(launch_file, rviz='true')
+    assert started(launch_file, sim='false', robot='fr3').keys() == {'controller', 'planner'}
 
 
 def test_a_misspelt_argument_is_refused_and_one_of_another_launch_file_is_not(launch_file):
