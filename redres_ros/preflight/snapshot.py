@@ -28,7 +28,6 @@ CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
-_HARDWARE = 'Hardware Components'  # in the name of their status there
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 _ASKED = (  # of the controller
@@ -39,7 +38,6 @@ _ASKED = (  # of the controller
     'robot_interface',
     'limits',
     'limit_scale',
-    'position.margin',
 )
 _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -66,7 +64,6 @@ class GraphSnapshot:
     controllers: int = 0  # nodes of its name
     forward_joints: list[str] = field(default_factory=list)  # of the forward_position_controller
     forward_states: dict[str, str] = field(default_factory=dict)  # its state by controller_manager
-    hardware: dict[str, str] = field(default_factory=dict)  # states by ros2_control's component
 
 
 class SnapshotNode(GraphMonitor):
@@ -145,11 +142,9 @@ class SnapshotNode(GraphMonitor):
 
 
 def _take_diagnostics(seen: GraphSnapshot, message: DiagnosticArray) -> None:
-    """Record the states of controllers and hardware, which any manager may report."""
+    """Record the states of controllers, which any manager may report."""
     for status in message.status:
         for pair in status.values:
             name, _, rest = pair.key.rpartition('.')
             if rest == 'state' and name == _FORWARDING:
                 seen.forward_states[status.name] = one_line(pair.value)
-            elif rest == 'state' and _HARDWARE in status.name:
-                seen.hardware[one_line(name)] = one_line(pair.value)

@@ -1,6 +1,6 @@
 """What is missing before a connected arm may move: a verdict on each part of a snapshot."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -35,8 +35,6 @@ _HALF = 0.5  # of a period: stamps that jitter by more are ambiguous
 _FEW = 0.01  # fraction of stamps that may jitter by more
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 _NEAR = 0.05  # of a range, from its end
-_MOVING = 0.01  # [rad/s] or [m/s]
-_SAME = 1e-3  # [rad] by which two sources of limits may differ
 _NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
 _CAREFUL = 0.5  # limit_scale above which a note says so
 
@@ -74,23 +72,18 @@ class ExpectedArm:
         robot: Name, path, or topic.
         tip_frame: Empty: the arm's own.
         rate: States a second [Hz].
-        margin: Kept from the ends of the ranges [rad].
     """
 
     robot: str
     tip_frame: str = ''
     rate: float = 500.0
-    margin: float = 0.0
 
 
 def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
     """All verdicts, the robot's first; what is expected matters if no controller runs."""
     if seen.controller:
         parameters = seen.controller
-        margin = parameters.get('position.margin') or 0.0
-        expected = ExpectedArm(
-            parameters['robot'], parameters['tip_frame'], parameters['rate'], margin
-        )
+        expected = ExpectedArm(*(parameters[name] for name in ('robot', 'tip_frame', 'rate')))
     verdicts = [*_judge_states(seen), *_judge_session(seen)]
     if expected is None:
         text = 'no controller runs and no --robot is named: joints and limits are not known'
@@ -195,36 +188,27 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
         text = f'{FORWARD} has the joints {", ".join(seen.forward_joints)}'
         is_ours = seen.forward_joints == list(limits.joint_names)
         yield _ok('order', text) if is_ours else _fault('order', f'{text}; expected {names}')
-    if seen.description and expected.robot != TOPIC:
-        yield from _judge_description(seen.description, expected, arm.tip_frame, limits)
     yield from _judge_frames(seen, model)
 
 
 def _judge_joints(states: list[StateSeen], limits: JointLimits) -> _Verdicts:
     names = limits.joint_names
-    ours = [state for state in states if set(names) & state.positions.keys()]
-    if not ours:
+    positions: Mapping[str, float] = {}
+    for state in states:  # other publishers may send other joints
+        if set(names) & state.positions.keys():
+            positions = state.positions
+    missing = [name for name in names if name not in positions]
+    if not positions:
         if states:
             got = ', '.join(states[-1].positions)
             yield _fault('joints', f'{STATES} holds {got}; expected {", ".join(names)}')
-        return
-    positions = ours[-1].positions
-    missing = [name for name in names if name not in positions]
-    if missing:
+    elif missing:
         yield _fault('joints', f'{STATES} lacks {", ".join(missing)}')
-        return
-    others = ', '.join(name for name in positions if name not in names)
-    ignored = f'; ignored: {others}' if others else ''
-    yield _ok('joints', f'all {len(names)}{ignored}')
-    q = np.array([positions[name] for name in names])
-    yield _judge_positions(q, limits)
-    elapsed = (ours[-1].stamp - ours[0].stamp) / 1e9  # [s]
-    if elapsed > 0.0 and ours[0].positions.keys() >= set(names):
-        q_0 = np.array([ours[0].positions[name] for name in names])
-        speeds = np.abs(q - q_0) / elapsed
-        if speeds.max() > _MOVING:
-            fastest = names[int(np.argmax(speeds))]
-            yield _note('standstill', f'the arm moves: {fastest} at {speeds.max():.3g}/s')
+    else:
+        others = ', '.join(name for name in positions if name not in names)
+        ignored = f'; ignored: {others}' if others else ''
+        yield _ok('joints', f'all {len(names)}{ignored}')
+        yield _judge_positions(np.array([positions[name] for name in names]), limits)
 
 
 def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
@@ -239,31 +223,6 @@ def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
     if margin[j] < _NEAR:
         return _note('positions', f'{position}, near an end of its range {allowed}')
     return _ok('positions', 'inside all ranges')
-
-
-def _judge_description(
-    description: str, expected: ExpectedArm, tip_frame: str, limits: JointLimits
-) -> _Verdicts:
-    """Whether the arm that is published allows less than the one that is expected."""
-    try:
-        published = JointLimits.of(arm_from_urdf(description, tip_frame))
-    except RedresError as error:
-        yield _note('limits', f'the URDF on {DESCRIPTION} is of another arm: {error}')
-        return
-    theirs_of = _by_joint(published)
-    for name, ours in _by_joint(limits).items():
-        theirs = theirs_of.get(name, ours)
-        excess = max(theirs[0] - ours[0], ours[1] - theirs[1]) - expected.margin
-        if max(excess, ours[2] - theirs[2]) > _SAME:
-            texts = ['{:.3f} to {:.3f} at {:.3f}/s'.format(*each) for each in (theirs, ours)]
-            text = f'{name}: {DESCRIPTION} allows {texts[0]}, the arm expected {texts[1]}'
-            yield _fault('limits', text)
-
-
-def _by_joint(limits: JointLimits) -> dict[str, tuple[float, float, float]]:
-    """Lower and upper position limit and velocity limit, by joint."""
-    rows = zip(limits.lower, limits.upper, limits.velocity, strict=True)
-    return dict(zip(limits.joint_names, rows, strict=True))
 
 
 def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> _Verdicts:
@@ -298,7 +257,7 @@ def _judge_controller(seen: GraphSnapshot) -> _Verdicts:
 
 def _judge_commands(seen: GraphSnapshot) -> _Verdicts:
     if seen.controller is None:
-        if seen.forward_states or seen.hardware:  # a robot behind ros2_control
+        if seen.forward_states:  # a robot behind ros2_control
             yield from _judge_forwarding(seen)
         return
     forwards = ROBOT_INTERFACES[str(seen.controller['robot_interface'])].forwards_commands
@@ -340,10 +299,6 @@ def _judge_forwarding(seen: GraphSnapshot) -> _Verdicts:
         yield _note('forwarding', text)
     else:
         yield _ok('forwarding', 'the forward_position_controller is active')
-    for name, state in sorted(seen.hardware.items()):
-        if state != 'active':
-            command = f'ros2 control set_hardware_component_state {name} active'
-            yield _note('hardware', f'{name} is {state}: {command}')
 
 
 def _judge_twists(seen: GraphSnapshot) -> _Verdicts:
