@@ -127,14 +127,12 @@ REFUSED = [
     (('--prefer', 'posture', 'posture=2'), "preference 'posture' is named twice; allowed: once"),
     (('--secondary', 'axis', 'axis'), "task 'axis' is named twice; allowed: once"),
     (('--secondary', 'dance'), "unknown task 'dance'; allowed: axis, "),
-    (
-        ('--set', 'posture.gain=1'),
-        "unknown gain of what is in use 'posture.gain'; allowed: damping",
-    ),
+    (('--set', 'posture.gain=1'), '--set posture.gain acts on the preference posture; in use: '),
     (
         ('--set', 'axis.axis=[1, 0, 0]', '--limits', 'position,acceleration'),
-        "unknown gain of what is in use 'axis.axis'; allowed: acceleration.",
+        '--set axis.axis acts on the task axis; in use: law minimum_acceleration, limit ',
     ),
+    (('--set', 'posture.gian=1'), "unknown gain 'posture.gian'; allowed: "),
     (('--set', 'posture.gain'), '--set posture.gain; expected NAME=VALUE, such as'),
     (('--prefer', 'posture', '--set', 'posture.gain=high'), "posture.gain is 'high'; allowed: "),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),

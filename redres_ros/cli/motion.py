@@ -12,7 +12,7 @@ from redres_ros.cli.options import NONE, OptionError, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Table, check_once
+from redres_ros.parameter import Gain, check_once
 from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -146,26 +146,31 @@ def node_parameters(motion: NamedMotion) -> dict[str, Any]:
 
 
 def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
-    """The gains of a case as their owners take them. Raises UnknownNameError for any other."""
-    in_use: list[tuple[Table[Any], Iterable[str]]] = [
+    """The gains of a case as their owners take them; one whose owner is not in use is refused."""
+    if not case.gains:
+        return {}
+    from redres_ros.limits import LIMITS  # compiled: loaded only if needed
+
+    owners: dict[str, list[Gain]] = {}
+    used = set()
+    for table, entries in (
         (LAWS, laws),
         (PREFERENCES, case.preferences),
         (TASKS, case.secondary_tasks),
-    ]
-    if case.limits:
-        from redres_ros.limits import LIMITS  # compiled: loaded only if in use
-
-        in_use.append((LIMITS, case.limits))
-    defaults = {
-        gain.key: gain.default
-        for table, names in in_use
-        for name in names
-        for gain in table.gains(name.partition('@')[0])
-    }
-    for key in case.gains:
-        if key not in defaults:
-            raise UnknownNameError('gain of what is in use', key, defaults)
-    return {key: _converted(value, defaults[key]) for key, value in case.gains.items()}
+        (LIMITS, case.limits),
+    ):
+        used.update(f'{table.kind} {entry.partition("@")[0]}' for entry in entries)
+        for gain in table.gains():
+            owners.setdefault(gain.key, []).append(gain)
+    gains = {}
+    for key, value in case.gains.items():
+        if key not in owners:
+            raise UnknownNameError('gain', key, owners)
+        if used.isdisjoint(f'{gain.kind} {gain.owner}' for gain in owners[key]):
+            owner = f'{owners[key][0].kind} {owners[key][0].owner}'
+            raise OptionError(f'--set {key} acts on the {owner}; in use: {", ".join(sorted(used))}')
+        gains[key] = _converted(value, owners[key][0].default)
+    return gains
 
 
 def _converted(value: Any, default: Any) -> Any:
