@@ -14,11 +14,12 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('viser', reason='needs the extra view')
 
-from graph_helpers import PATIENCE, await_that, graph, read_parameters
+from graph_helpers import PATIENCE, await_that, graph, read_parameters, to_joint_state
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
@@ -223,21 +224,29 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
         assert np.array_equal(seen.q, newest.state.q)
 
 
-def test_the_arm_is_where_the_newest_snapshot_says(motion: SimpleNamespace) -> None:
+def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
+    motion: SimpleNamespace,
+) -> None:
     with graph(ControllerNode) as (node, _):
         monitor = GraphMonitor('test')
         arm = LiveArm(monitor, values_of(node))
         assert arm.model.arm == node._controller.model.arm
-        topic = controller_telemetry.TOPIC
-        publisher = node.create_publisher(Float64MultiArray, topic, QoSProfile(depth=1))
+        quality = QoSProfile(depth=1)
+        states = node.create_publisher(JointState, 'joint_states', quality)
+        snapshots = node.create_publisher(Float64MultiArray, controller_telemetry.TOPIC, quality)
+        moved = np.linspace(0.1, 0.7, motion.model.n)
         q = motion.commands[0].state.q
 
-        def arrived() -> bool:
-            publisher.publish(to_message(ControllerSnapshot(Figures(*range(7)), q)))
+        def arrived(publisher: Any, message: Any, expected: np.ndarray) -> bool:
+            publisher.publish(message)
             arm.look()
-            return np.array_equal(arm.q, q)
+            return np.array_equal(arm.q, expected)
 
-        await_that(arrived, 'the snapshot')
+        state = to_joint_state(5, motion.model.joint_names, moved, np.zeros(motion.model.n))
+        await_that(lambda: arrived(states, state, moved), 'the state')
+        snapshot = to_message(ControllerSnapshot(Figures(*range(7)), q))
+        await_that(lambda: arrived(snapshots, snapshot, q), 'the snapshot')
+        await_that(lambda: arrived(states, state, moved), 'the state after the snapshot')
         monitor.destroy_node()
 
 

@@ -15,13 +15,14 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.graph.client import GraphClient
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
-from redres_ros.nodes.conversions import EncodingError, deserialised
+from redres_ros.nodes.conversions import EncodingError, JointMapper, deserialised
 from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
@@ -35,11 +36,14 @@ from redres_ros.nodes.topics import (
     TASK_STATE,
 )
 from redres_ros.robot_model import RobotModel
+from redres_ros.types import finite_vector
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
 NODES = ('sim', 'planner', 'controller')
 STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
 
+_STATES = 'joint_states'
+_SILENCE = 1.0  # [s] without a snapshot after which the robot's own states are read
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _LOOK = 0.02  # [s] between looks at whether it has come
 # Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
@@ -80,8 +84,9 @@ class Sampler:
             )
 
     def remove(self, topic: str) -> None:
-        """Stop collecting a topic."""
-        self._node.destroy_subscription(self._subscriptions.pop(topic))
+        """Stop collecting a topic, if it is collected."""
+        if topic in self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop(topic))
 
     def take(self, topic: str) -> list[Sample]:
         """The messages of a topic since the last call, oldest first."""
@@ -212,7 +217,8 @@ class GraphMonitor(Node):
 
 
 class LiveArm:
-    """The state of an arm from the controller's snapshots.
+    """The state of an arm from the controller's snapshots, or from the robot itself while there are
+    none: the controller may be inactive, and somebody else move the arm.
 
     Raises RedresError if the arm in the controller's parameters is not known here.
 
@@ -229,6 +235,8 @@ class LiveArm:
             replace(arm, acceleration_limit=limits, dynamics=values['dynamics'])
         )
         self.q = np.zeros(self.model.n)
+        self._joints = JointMapper(self.model.joint_names)
+        self._seen_at = time.monotonic()  # [s] when a snapshot came last
         self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _SNAPSHOTS)
 
     def look(self) -> list[Figures]:
@@ -239,7 +247,12 @@ class LiveArm:
                 message = deserialised(sample.data, Float64MultiArray)
                 seen = controller_telemetry.from_message(message, self.model.n)
                 self.q = seen.q
+                self._seen_at = time.monotonic()
                 figures.append(seen.figures)
+        if time.monotonic() - self._seen_at > _SILENCE:
+            self._look_at_states()
+        else:
+            self._samples.remove(_STATES)  # each would cost the robot a message
         return figures
 
     def fractions(self) -> np.ndarray:
@@ -247,6 +260,13 @@ class LiveArm:
         model = self.model
         fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
         return fractions
+
+    def _look_at_states(self) -> None:
+        self._samples.add(_STATES, JointState, NEWEST)
+        state = self._samples.newest(_STATES)
+        if state is not None:
+            with suppress(RedresError):  # malformed, or of another device
+                self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
 
     def _await_description(self) -> str:
         """The URDF on the topic; empty if none comes."""
