@@ -152,7 +152,7 @@ def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
     from redres_ros.limits import LIMITS  # compiled: loaded only if needed
 
     owners: dict[str, list[Gain]] = {}
-    used = set()
+    used: set[str] = set()
     for table, entries in (
         (LAWS, laws),
         (PREFERENCES, case.preferences),
