@@ -3,10 +3,12 @@
 import time
 from collections.abc import Iterator
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -254,6 +256,25 @@ def test_a_stop_of_the_robot_ends_a_task_that_waits_longer_than_resume_within(
     run.run(0.5)
     assert (state(run) is TaskState.MOVING) is goes_on
     assert logged(run, 'the task is over', 'resume_within') is not goes_on
+
+
+# --- what is left out -----------------------------------------------------------------------------
+
+
+def test_a_point_out_of_reach_keeps_a_task_for_a_moment_and_not_for_ever(tmp_path: Path) -> None:
+    x = MODEL.tip(np.array(MODEL.arm.start))[0]
+    content = {
+        'robot': 'lwr4_paper',
+        'start': np.degrees(MODEL.arm.start).tolist(),
+        'waypoints': [x.tolist(), (3.0 * x).tolist(), x.tolist()],
+        'segment_time': 3.0,
+    }
+    file = tmp_path / 'task.yaml'
+    file.write_text(yaml.safe_dump(content))
+    planner = {**LOOP, 'task': str(file), 'autostart': True}
+    with virtual_run(sim=SIM, controller=LOOP, planner=planner) as made:
+        made.run(10.0)
+        assert state(made) is TaskState.FINISHED
 
 
 # --- progress -----------------------------------------------------------------------------------

@@ -33,12 +33,6 @@ def test_the_speed_rises_again_with_a_limited_acceleration() -> None:
     assert np.diff(fractions, 2).max() < RESUME * T * T + ROUNDING
 
 
-def test_a_greedy_path_asks_for_its_speed_whatever_is_executed() -> None:
-    speed = PathSpeed(greedy=True)
-    speed.advance(0.0, T)
-    assert speed.fraction == 1.0
-
-
 @pytest.mark.slow
 def test_where_limits_act_joints_reverse_less_and_the_task_takes_no_longer() -> None:
     """Least acceleration at 0.4 of the limits, to the stretched arm and back."""

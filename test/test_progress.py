@@ -1,9 +1,8 @@
 """ProgressMonitor: what counts as progress, and for how long there is none."""
 
-import numpy as np
 import pytest
 
-from redres_ros.planning.progress import ProgressMonitor, Standstill
+from redres_ros.planning.progress import ProgressMonitor
 
 
 def enter(monitor: ProgressMonitor, seconds: float, left: float) -> bool:
@@ -43,18 +42,3 @@ def test_the_next_segment_is_progress() -> None:
     enter(monitor, 6.0, left=0.0)
     monitor.enter(0.1, 2, 3.0, 0.1)
     assert not monitor.remark
-
-
-def test_a_tip_that_is_asked_to_move_and_does_not_is_at_a_standstill() -> None:
-    standstill = Standstill()
-    ticks = np.minimum(np.arange(400), 200)  # at 0.1 m/s, then at rest
-    positions = 0.1 * 0.002 * ticks[:, None] * (1.0, 0.0, 0.0)
-    found = [standstill.enter(2_000_000 * k, x, 0.1) for k, x in enumerate(positions)]
-    assert not any(found[:200])
-    assert all(found[300:])
-
-
-def test_a_pause_of_the_states_is_no_standstill() -> None:
-    standstill = Standstill()
-    assert not standstill.enter(10**9, np.zeros(3), 0.1)
-    assert not standstill.enter(5 * 10**9, np.zeros(3), 0.1)

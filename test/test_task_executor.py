@@ -161,7 +161,7 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
     assert waits(arm.go(1000, scaling))
     assert arm.run.state is TaskState.WAITING
     arm.tick(1.0)
-    assert arm.run.clock.rate == 0.0  # from rest
+    assert arm.run.clock.speed.fraction == 0.0  # from rest
     assert np.linalg.norm(reference(arm.go(300)).error) < 0.02
     assert arm.run.start_stamp == start
     arm.go(4000)

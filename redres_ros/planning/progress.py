@@ -7,16 +7,15 @@ from redres_ros.laws import make_law
 from redres_ros.policy import Policy
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import make_task
-from redres_ros.types import JointPositions, Nanoseconds, Position, Seconds, TaskVelocity
+from redres_ros.types import JointPositions, Seconds, TaskVelocity
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
 _FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
-_MOMENT = 100_000_000  # [ns] in which a tip that is asked to move does so
-_STILL = 0.05  # of the asked distance, below which it has not
+_AT_REST = 0.5  # [s] without progress, after which an arm at the end of its reach has come to rest
 
 
 class ProgressMonitor:
-    """Counts the time without progress.
+    """Counts the time without progress, `idle`.
 
     While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
     error that becomes smaller. The remark says why there is none; it is empty until stuck_after.
@@ -31,7 +30,7 @@ class ProgressMonitor:
     def begin(self) -> None:
         """A motion begins."""
         self.remark = ''
-        self._idle = 0.0  # [s] without progress
+        self.idle: Seconds = 0.0
         self._segment = -1
         self._left = 0.0
         self._error = 0.0
@@ -58,36 +57,14 @@ class ProgressMonitor:
             self._left = left
             self._error = error
         else:
-            self._idle += seconds
-        is_hopeless = self._idle >= self.give_up_after
-        if is_hopeless or (self._idle >= self.stuck_after and not self.remark):
+            self.idle += seconds
+        is_hopeless = self.idle >= self.give_up_after
+        if is_hopeless or (self.idle >= self.stuck_after and not self.remark):
             limit = self.give_up_after if is_hopeless else self.stuck_after
             where = f'{left:.3g} s of its time are left' if left > 0.0 else distance
             reasons = '; '.join(filter(None, (self._limits, where)))
             self.remark = f'no progress for {limit:g} s: {reasons}'
         return is_hopeless
-
-
-class Standstill:
-    """Notices that the tip has come to rest although a velocity is asked for."""
-
-    def __init__(self) -> None:
-        self._since = 0  # [ns]
-        self._x = np.zeros(3)  # of the tip then [m]
-        self._rests = False
-
-    def enter(self, stamp: Nanoseconds, x: Position, asked: float) -> bool:
-        """Whether the tip, asked for a speed [m/s], was at rest in the last tenth of a second that
-        is over.
-        """
-        elapsed = stamp - self._since
-        if not 0 <= elapsed < _MOMENT:
-            moved = float(np.linalg.norm(x - self._x))
-            is_recent = 0 <= elapsed < 2 * _MOMENT
-            self._rests = is_recent and moved < _STILL * asked * elapsed / 1e9
-            self._since = stamp
-            self._x = x
-        return self._rests
 
 
 class UnachievedVelocity:
@@ -101,14 +78,12 @@ class UnachievedVelocity:
         self._T = T
         self._end_of_reach = end_of_reach
         self._policy = Policy(make_law('minimum_velocity'), make_task(task_space))
-        self._standstill = Standstill()
 
-    def of(
-        self, stamp: Nanoseconds, q: JointPositions, x: Position, asked: TaskVelocity
-    ) -> TaskVelocity | None:
-        """The blocked part, or None; all of it if the arm rests at the end of its reach."""
+    def of(self, q: JointPositions, asked: TaskVelocity, idle: Seconds) -> TaskVelocity | None:
+        """The blocked part, or None; all of it for an arm at the end of its reach that has made no
+        progress for a while: there it comes to rest beside the singularity.
+        """
         state = RobotState(self._model, q, np.zeros(len(q)))
-        rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
-        if rests and not is_far(state.J[:3], self._end_of_reach):
+        if idle > _AT_REST and not is_far(state.J[:3], self._end_of_reach):
             return asked
         return self._policy.unconstrained(state, asked, self._T).unachieved

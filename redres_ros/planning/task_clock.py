@@ -23,18 +23,17 @@ class PathSpeed:
     asked for at the speed last executed, and gets faster again with a limited acceleration, leaves
     the law a null space in which joints calm down. A sudden s, of a few ticks, changes little.
 
-    An initial fraction below 1 rises at once: no limit has acted. Greedy: always the nominal speed.
+    An initial fraction below 1 rises at once: no limit has acted.
     """
 
-    def __init__(self, fraction: float = 1.0, greedy: bool = False) -> None:
-        self.fraction = 1.0 if greedy else fraction
+    def __init__(self, fraction: float = 1.0) -> None:
+        self.fraction = fraction
         self._rate = FALL if self.fraction < 1.0 else 0.0  # [1/s] at which it rises
-        self._greedy = greedy
 
     def advance(self, s: float, seconds: Seconds) -> None:
         """Advance by some time in which the fraction s of the task velocity was executed."""
         is_limited = s < 1.0 - _ROUNDING
-        if self._greedy or (self.fraction == 1.0 and not is_limited):
+        if self.fraction == 1.0 and not is_limited:
             return
         if is_limited:
             self._rate = 0.0
@@ -56,17 +55,12 @@ class TaskClock:
     def __init__(self, T: Seconds, lockstep: bool) -> None:
         self.t = 0.0
         self._T = T
-        self._speed = PathSpeed()
+        self.speed = PathSpeed()
         self._limit = max(round(_PATIENCE / T), 1)  # cycles
         self._lockstep = lockstep
         self._scaling = 1.0 if lockstep else 0.0
         self._silent = 0  # cycles since the last message of the controller
         self._standing = 0 if lockstep else self._limit  # cycles in which nothing was executed
-
-    @property
-    def rate(self) -> float:
-        """Fraction of its nominal speed at which the path is asked for."""
-        return self._speed.fraction
 
     @property
     def follows(self) -> bool:
@@ -87,11 +81,11 @@ class TaskClock:
     def begin(self) -> None:
         """The task begins, from rest and at its nominal speed."""
         self.t = 0.0
-        self._speed = PathSpeed()
+        self.speed = PathSpeed()
 
     def resume(self) -> None:
         """The task resumes from rest."""
-        self._speed = PathSpeed(0.0)
+        self.speed = PathSpeed(0.0)
 
     def advance(self, cycles: Cycles) -> None:
         """Some cycles of the robot have passed; 0 for a new robot. It, and more cycles than the
@@ -103,5 +97,5 @@ class TaskClock:
             self._standing = self._limit
         self._standing = 0 if self._scaling > 0.0 else self._standing + cycles
         if self.follows:
-            self.t += self.rate * self._scaling * cycles * self._T
-            self._speed.advance(self._scaling, cycles * self._T)
+            self.t += self.speed.fraction * self._scaling * cycles * self._T
+            self.speed.advance(self._scaling, cycles * self._T)

@@ -163,7 +163,7 @@ class TaskExecutor:
         asked = self._step and self._step.dx
         unachieved = None
         if self._unachieved and source and asked is not None and not source.time_left(self.clock.t):
-            unachieved = self._unachieved.of(stamp, q, x, asked)
+            unachieved = self._unachieved.of(q, asked, self.monitor.idle)
         is_new = not stamp or stamp != self._cycles.newest
         self._seconds = 0.0
         if is_new:
@@ -231,7 +231,7 @@ class TaskExecutor:
         """HOMING: the joints to the start of the tip's path."""
         path = execution.path
         t = self.clock.t
-        reference = path.reference(arm.q, t, self.clock.rate) if path else None
+        reference = path.reference(arm.q, t, self.clock.speed.fraction) if path else None
         if path is None or reference is None or reference.finished:
             return self._arrive_home(execution, arm)
         self.state = TaskState.HOMING
@@ -267,7 +267,7 @@ class TaskExecutor:
             t,
             arm.R if self._turns else None,
             unachieved=arm.unachieved,
-            rate=self.clock.rate,
+            rate=self.clock.speed.fraction,
         )
         execution.x_d = reference.x_d
         step = Step(arm.stamp, reference.dx, None, reference)

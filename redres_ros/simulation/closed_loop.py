@@ -86,7 +86,7 @@ def run(
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     is_pose = controller.m == 6
-    speed = PathSpeed(greedy=greedy)
+    speed = PathSpeed()
     unachieved: TaskVelocity | None = None  # of the last task velocity
     rest = np.zeros(len(task.start))
     recorder = MotionRecorder(controller.model, T, is_pose)
@@ -110,7 +110,8 @@ def run(
         executed = speed.fraction * command.s  # of the nominal speed
         recorder.add(t, replace(command, solution=replace(command.solution, s=executed)), reference)
         ahead -= (1.0 - executed) * T
-        speed.advance(command.s, T)
+        if not greedy:
+            speed.advance(command.s, T)
         unachieved = command.unachieved
         plant.step(command.q_ref)
         if progress and k % 100 == 0:
