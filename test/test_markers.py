@@ -10,6 +10,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
+from redres_ros.errors import RedresError
 from redres_ros.limits.scene import WALLS, read_shapes, touched
 from redres_ros.nodes.markers import show_obstacles, show_traces, take_workspace
 
@@ -102,12 +103,12 @@ def test_the_surface_that_the_tip_can_touch_is_shown(shape: str, kind: int, up: 
 
 
 class WithParameters(Listened):
-    """A node whose parameters are a dictionary, and whose subscription one can call."""
+    """A node whose subscription one can call, and what counts the messages that it refuses."""
 
     def __init__(self) -> None:
         super().__init__()
         self.walls = 'half_space 0 0 1 0.9; inside_sphere 0 0 0 1'
-        self.warnings: list[str] = []
+        self.refused: list[str] = []
 
     def create_subscription(self, _: type, topic: str, callback: object, qos: object) -> None:
         assert topic == 'workspace'
@@ -122,8 +123,11 @@ class WithParameters(Listened):
         self.walls = parameters[0].value
         return [SimpleNamespace(successful=True, reason='')] * len(parameters)
 
-    def get_logger(self) -> SimpleNamespace:
-        return SimpleNamespace(warning=self.warnings.append)
+    def refuse(self, source: str, error: RedresError) -> None:
+        self.refused.append(f'{source}: {error}')
+
+    def accept(self, source: str) -> None:
+        assert source == 'workspace'
 
 
 def shape(side: str, kind: int, at: tuple[float, ...], size: tuple[float, ...]) -> Marker:
@@ -135,7 +139,7 @@ def shape(side: str, kind: int, at: tuple[float, ...], size: tuple[float, ...]) 
 
 def test_the_workspace_is_taken_from_markers() -> None:
     node = WithParameters()
-    take_workspace(node, 'world')
+    take_workspace(node, 'world', node)
     box = shape('inside', Marker.CUBE, (0.5, 0.0, 0.5), (0.4, 0.6, 0.2))
     ball = shape('outside', Marker.SPHERE, (0.1, 0.2, 0.3), (0.2, 0.2, 0.2))
     node.hand_in(MarkerArray(markers=[box, ball]))
@@ -155,11 +159,17 @@ def test_the_workspace_is_taken_from_markers() -> None:
         (shape('beside', Marker.CUBE, (0.0,) * 3, (1.0,) * 3), "namespace 'beside'"),
         (shape('inside', Marker.CYLINDER, (0.0,) * 3, (1.0,) * 3), 'expected a CUBE'),
         (shape('inside', Marker.SPHERE, (0.0,) * 3, (1.0, 1.0, 2.0)), 'one diameter'),
+        (shape('outside', Marker.SPHERE, (0.0,) * 3, (-0.2,) * 3), 'a radius above zero'),
+        (Marker(ns='inside', type=Marker.CUBE, action=Marker.DELETE), 'the action 2'),
     ],
 )
-def test_a_marker_that_is_no_wall_changes_nothing(marker: Marker, words: str) -> None:
+def test_a_message_with_a_marker_that_is_no_wall_changes_nothing(
+    marker: Marker, words: str
+) -> None:
     node = WithParameters()
-    take_workspace(node, 'world')
-    node.hand_in(MarkerArray(markers=[marker]))
+    take_workspace(node, 'world', node)
+    wall = shape('inside', Marker.CUBE, (0.0,) * 3, (1.0,) * 3)
+    node.hand_in(MarkerArray(markers=[wall, marker]))
     assert node.walls == WithParameters().walls
-    assert words in node.warnings[0]
+    [refused] = node.refused
+    assert refused.startswith('workspace: ') and words in refused

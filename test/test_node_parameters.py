@@ -111,6 +111,16 @@ def test_parameters_are_set_live_and_refused_with_a_reason() -> None:
         node.destroy_node()
 
 
+def test_walls_that_no_limit_keeps_are_reported_with_what_to_do() -> None:
+    with ros():
+        node = ControllerNode()
+        assert set_in(node, {'scene.walls': 'inside_sphere 0 0 0 2'}) == ''
+        assert 'add workspace to the parameter limits' in node._health().summary
+        assert set_in(node, {'limits': ['position', 'workspace']}) == ''
+        assert 'workspace' not in node._health().summary
+        node.destroy_node()
+
+
 def set_in(node: Any, values: dict[str, Any]) -> str:
     """Set parameters at once, as by a service; why that was refused."""
     changes = [Parameter(name, value=value) for name, value in values.items()]

@@ -129,7 +129,7 @@ class ControllerNode(ManagedNode):
         self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
         show_obstacles(self, frame)
-        take_workspace(self, frame)
+        take_workspace(self, frame, self._inputs)
         self._listen()
         on_live_change(self, self._check, self._apply)
         self._start_life()
@@ -268,6 +268,8 @@ class ControllerNode(ManagedNode):
         if policy != before:
             self._controller.set_policy(policy)
         self._sensors.apply(changes, policy.measurements)
+        if self._policy.problem:
+            self.get_logger().warning(self._policy.problem, once=True)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
         self._loop.input.settings = with_changes(self._loop.input.settings, changes)
@@ -299,7 +301,7 @@ class ControllerNode(ManagedNode):
             return Health(WARN, self.life, values)
         if loop.mode is Mode.MIRRORING:
             return Health(WARN, 'mirroring: the robot takes no commands', values)
-        if warning := loop.limit_warning or loop.measurements.problem:
+        if warning := loop.limit_warning or loop.measurements.problem or self._policy.problem:
             return Health(WARN, warning, values)
         return Health(OK, loop.mode.value, values)
 

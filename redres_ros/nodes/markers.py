@@ -12,7 +12,9 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from redres_ros.errors import RedresError
 from redres_ros.limits.scene import SPHERE, WALLS, DrawnShape, Shape, read_shapes, shapes_of
+from redres_ros.nodes.diagnostics import InputMonitor
 from redres_ros.nodes.topics import LATCHED, PUBLISH, STEADY
 from redres_ros.types import Points, Position
 
@@ -90,36 +92,43 @@ def show_obstacles(
     node.create_timer(_SHAPES_EVERY, publish, clock=STEADY)
 
 
-def take_workspace(node: Node, frame: str) -> None:
+def take_workspace(node: Node, frame: str, inputs: InputMonitor) -> None:
     """Have a node set boxes and spheres among its `scene.walls`, in a frame, from the topic
-    `workspace`.
+    `workspace`: all of a message or none.
     """
 
     def on_markers(message: MarkerArray) -> None:
-        shapes = read_shapes(node.get_parameter(_WALLS).value, WALLS)
-        kept = [shape for shape in shapes if shape.kind == 'half_space']
         try:
-            taken = [_shape(each, frame) for each in message.markers if each.action == Marker.ADD]
-        except ValueError as error:
-            node.get_logger().warning(f'workspace: {error}')
+            shapes = read_shapes(node.get_parameter(_WALLS).value, WALLS)
+            kept = [shape for shape in shapes if shape.kind == 'half_space']
+            taken = [_shape(marker, frame) for marker in message.markers]
+            text = '; '.join(map(str, [*kept, *taken]))
+            read_shapes(text, WALLS)  # nothing else reads it while the limit is off
+        except RedresError as error:
+            inputs.refuse('workspace', error)
             return
-        text = '; '.join(map(str, [*kept, *taken]))
-        for result in node.set_parameters([Parameter(_WALLS, value=text)]):
-            if not result.successful:
-                node.get_logger().warning(f'workspace: {result.reason}')
+        [result] = node.set_parameters([Parameter(_WALLS, value=text)])
+        if result.successful:
+            inputs.accept('workspace')
+        else:
+            inputs.refuse('workspace', RedresError(result.reason))
 
     node.create_subscription(MarkerArray, 'workspace', on_markers, LATCHED)
 
 
 def _shape(marker: Marker, frame: str) -> Shape:
-    """The shape that a marker stands for. Raises ValueError."""
+    """The shape that a marker stands for. Raises RedresError."""
     place = marker.pose.position
     size = marker.scale
     turn = marker.pose.orientation
+    if marker.action != Marker.ADD:
+        raise RedresError(
+            f'got the action {marker.action}; expected ADD, of all walls that are left'
+        )
     if marker.ns not in _SIDES:
-        raise ValueError(f'got the namespace {marker.ns!r}; expected inside or outside')
+        raise RedresError(f'got the namespace {marker.ns!r}; expected inside or outside')
     if marker.header.frame_id not in ('', frame):
-        raise ValueError(f'got the frame {marker.header.frame_id!r}; expected {frame!r}')
+        raise RedresError(f'got the frame {marker.header.frame_id!r}; expected {frame!r}')
     centre = np.array((place.x, place.y, place.z))
     if marker.type == Marker.SPHERE and size.x == size.y == size.z:
         return Shape(f'{marker.ns}_sphere', (*centre.tolist(), size.x / 2.0))
@@ -128,7 +137,7 @@ def _shape(marker: Marker, frame: str) -> Shape:
         half = np.array((size.x, size.y, size.z)) / 2.0
         ends = (*(centre - half).tolist(), *(centre + half).tolist())
         return Shape(f'{marker.ns}_box', ends)
-    raise ValueError(
+    raise RedresError(
         f'got marker {marker.id} of type {marker.type}; expected a CUBE along the axes of {frame}, '
         'or a SPHERE of one diameter'
     )

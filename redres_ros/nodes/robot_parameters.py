@@ -193,6 +193,13 @@ class PolicyParameters:
         self._settings, self._gains, self.policy = self._next
         return self.policy
 
+    @property
+    def problem(self) -> str:
+        """Why walls are not kept; empty if they are, or if there are none."""
+        if not self._gains['scene.walls'] or 'workspace' in self._settings.limits:
+            return ''
+        return 'walls are set but not kept: add workspace to the parameter limits'
+
     def _made(self, settings: _PolicySettings, gains: Mapping[str, Any]) -> Policy:
         policy = make_policy(
             self._model,
