@@ -423,7 +423,7 @@ class CommandLoop:
                 faults.set(str(error))
                 measurements.restart()
         asks = not stale and largest(dx) > _NO_TASK
-        asks = asks or (self._yields_alone and measurements.asks)
+        asks = asks or (self.mode is Mode.MOVING and measurements.asks)
         is_probed = approach is not None and approach.is_probe
         moves = self.mode in MOVING_MODES and not is_probed
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
