@@ -1,5 +1,6 @@
 """The command loop with contact: when an arm yields, when it holds, and what stops it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +21,7 @@ MODEL = RobotModel.named('lwr4_paper')
 LIMITS = ('position', 'velocity', 'acceleration')
 NOTHING = np.zeros(3)
 PUSH = np.array((0.0, 10.0, 0.0))  # [N] in the base frame
+Force = Callable[[np.ndarray], np.ndarray]  # of q, (3,) [N]
 FREE = AdmittanceSettings(enabled=True, damping=(200.0,) * 3)
 
 
@@ -37,19 +39,21 @@ class LoopedArm:
     def run(
         self,
         seconds: float,
-        force: np.ndarray | None = None,
+        force: Force | np.ndarray | None = None,
         dx: np.ndarray | None = None,
         torques: np.ndarray | None = None,
     ) -> np.ndarray:
-        """References (N, n) [rad] of some time under a force (3,) [N] in the base frame, or with a
-        silent sensor; with a task velocity (3,) [m/s], and with torques (n,) [Nm].
+        """References (N, n) [rad] of some time under a force (3,) [N] in the base frame, that may
+        depend on q, or with a silent sensor; with a task velocity (3,) [m/s], and with torques
+        (n,) [Nm].
         """
         references = []
         for _ in range(round(seconds / T)):
             self.tick += 1
             if force is not None:
                 R = self.model.tip(self.q)[1]
-                wrench = np.concatenate((R.T @ force, NOTHING))
+                on_tip = force(self.q) if callable(force) else force
+                wrench = np.concatenate((R.T @ on_tip, NOTHING))
                 self.loop.measurements.contact.sensor.enter(wrench)
             if torques is not None:
                 self.loop.measurements.enter('external_torques', 0, torques)
@@ -138,6 +142,57 @@ def test_a_retreat_ends_in_a_hold() -> None:
     assert arm.loop.error and arm.loop.mode is Mode.HOLDING
     # 10 mm, and the path on which the arm stops
     assert arm.moved[1] == pytest.approx(0.01, abs=2e-3)
+
+
+@pytest.mark.parametrize(('sign', 'speed', 'most'), [(1.0, 0.1, 127.0), (-1.0, 0.05, 230.0)])
+def test_a_retreat_ends_where_the_force_opposes_it_or_grows(
+    sign: float, speed: float, most: float
+) -> None:
+    """A peg meets the wall of a slot of 0.1 mm on either side and 50 kN/m; a sensor of the wrong
+    sign sends it into the wall.
+    """
+    arm = PushedArm(replace(FREE, damping=(1000.0,) * 3, force_limit=80.0))
+    pressed = []
+
+    def in_slot(q: np.ndarray) -> np.ndarray:
+        y = (MODEL.tip(q)[0] - arm.x0)[1]
+        force = 5e4 * (np.clip(y, -1e-4, 1e-4) - y)
+        pressed.append(abs(force))
+        return sign * np.array((0.0, force, 0.0))
+
+    arm.run(0.5, in_slot, np.array((0.0, speed, 0.0)))
+    arm.run(1.0, in_slot)
+    assert 'the retreat met a force of' in arm.loop.error
+    assert 80.0 < max(pressed) < most
+
+
+def test_the_force_limit_counts_for_an_arm_that_holds() -> None:
+    arm = PushedArm(replace(FREE, force=tuple(PUSH)))
+    arm.run(2.0, PUSH)
+    assert arm.holds(PUSH)
+    lower = replace(FREE, force=tuple(PUSH), force_limit=5.0)
+    arm.loop.measurements.contact.set_settings(lower)
+    arm.run(2.0, PUSH)
+    assert 'the tip has retreated' in arm.loop.error
+
+
+def test_an_arm_is_led_by_hand_for_long_while_zero_twists_are_streamed() -> None:
+    arm = PushedArm(FREE)
+    for side in (1.0, -1.0, 1.0, -1.0):
+        arm.run(1.6, side * PUSH, NOTHING)
+    assert arm.loop.error == ''
+    assert arm.loop.mode is Mode.MOVING
+
+
+def test_admittance_that_goes_on_in_motion_waits_for_the_first_wrench() -> None:
+    arm = PushedArm(replace(FREE, enabled=False))
+    arm.loop.measurements.contact.sensor.enter(np.full(6, 1e3))  # of long ago
+    arm.run(0.3, None, GENTLE)
+    arm.loop.measurements.contact.set_settings(FREE)
+    arm.run(0.04, None, GENTLE)
+    assert arm.loop.error == ''
+    arm.run(0.2, None, GENTLE)
+    assert 'no wrench for 0.05 s' in arm.loop.error
 
 
 def test_an_arm_that_presses_is_not_tared() -> None:

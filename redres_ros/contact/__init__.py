@@ -3,7 +3,7 @@
 | event | reaction |
 |---|---|
 | a wrench that is stale or not finite | hold |
-| a force above `force_limit` | retreat along the force, then hold |
+| a force above `force_limit` | retreat along it until another opposes it or it grows, then hold |
 | no contact while force is asked for | search, bounded in speed and distance, then hold |
 
 The pure part: no ROS, usable beside a Controller in any closed loop.
@@ -15,10 +15,11 @@ from functools import partial
 from typing import Self
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, RedresError
-from redres_ros.geometry import quintic
+from redres_ros.geometry import quintic, rotation_matrix
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotState
 from redres_ros.types import Cycles, Rotation, Seconds, TaskVelocity, Wrench
@@ -34,6 +35,8 @@ _SEARCH_DISTANCE = 0.05  # [m] after which an approach without contact ends
 _RETREAT_SPEED = 0.02  # [m/s]
 _RETREAT_DISTANCE = 0.01  # [m]
 _RETREAT_TIME = 3.0  # times what it takes at full speed, after which a retreat ends anyway
+_GROWN = 1.1  # times the force where the tip turns round, and 1 N, at which a retreat ends
+_OPPOSED = 0.2  # of the force limit, against a retreat, at which it ends
 _TOUCHES = 0.25  # of the desired force, which counts as contact
 _TARED = 100  # wrenches whose mean a tare takes
 _FEWEST = 10
@@ -167,10 +170,17 @@ class Admittance:
 
     def record(self, command: Command, dx: TaskVelocity) -> None:
         """Record what was executed of the desired dx_d and of de: limits may have slowed it."""
-        self.de = command.J @ command.dq - command.s * dx
-        self.e = self.e + self.T * self.de
         if not self.is_on:
             self.e = np.zeros(len(self.e))
+            return
+        executed = command.J @ command.dq
+        desired = command.s * dx
+        self.de = executed - desired
+        e = self.e + self.T * self.de
+        if len(e) > 3:  # turns about different axes are composed: their vectors do not add up
+            R = rotation_matrix(self.T * executed[3:]) @ rotation_matrix(self.e[3:])
+            e[3:] = pin.log3(R @ rotation_matrix(-self.T * desired[3:]))
+        self.e = e
 
     def _advance(self) -> None:
         """Advance a fade by one cycle; begin one if other settings are asked for."""
@@ -209,7 +219,7 @@ class _ForceSensor:
         self._bias = np.zeros(6)  # in the axes of the sensor
         self._recent: deque[Wrench] = deque(maxlen=_TARED)
         self._frame = ''  # the link in whose axes and about whose origin they are; '' is the tip
-        self._age = np.inf  # [s]
+        self._age = 0.0  # [s], or for how long the first one has been awaited
 
     def enter(self, wrench: Wrench, frame: str = '') -> None:
         """Record a wrench that the environment exerts, about the origin and along the axes of a
@@ -221,6 +231,17 @@ class _ForceSensor:
         self._recent.append(np.array(wrench, dtype=np.float64))
         self._age = 0.0
 
+    def expect(self) -> None:
+        """Wait for the first wrench from now on, if there is none that can be used."""
+        if self.problem:
+            self._recent.clear()
+            self._age = 0.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether the first wrench has not come yet."""
+        return not self._recent
+
     def advance(self, cycles: Cycles) -> None:
         """Advance the age of the wrench."""
         self._age += cycles * self._T
@@ -230,9 +251,9 @@ class _ForceSensor:
         """Why the wrench cannot be used; '' if it can."""
         if not self._age <= self.timeout:
             return f'no wrench for {self.timeout:g} s (admittance.wrench_timeout)'
-        raw = self._recent[-1]
-        if not float(np.abs(raw).max()) < _IMPOSSIBLE:
-            return f'the wrench is {raw.tolist()}; expected finite values below {_IMPOSSIBLE:g}'
+        if self._recent and not float(np.abs(self._recent[-1]).max()) < _IMPOSSIBLE:
+            raw = self._recent[-1].tolist()
+            return f'the wrench is {raw}; expected finite values below {_IMPOSSIBLE:g}'
         return ''
 
     def at_tip(self, state: RobotState) -> Wrench:
@@ -292,6 +313,8 @@ class ContactControl(Admittance):
         the task; the old ones then stay.
         """
         settings.check(len(self.settings.damping))
+        if settings.enabled and not self.settings.enabled:
+            self.sensor.expect()
         self.settings = settings
         self.sensor.timeout = settings.wrench_timeout
 
@@ -301,7 +324,9 @@ class ContactControl(Admittance):
         self.warning = ''  # the reason of a retreat, and of the stop that follows
         self._searched = 0.0  # [m]
         self._retreat: np.ndarray | None = None  # direction, (3,)
-        self._left = 0.0  # [m] of the retreat
+        self._end = 0.0  # [m] along it
+        self._turn = np.inf  # [m] along it, where the tip has turned round
+        self._first = 0.0  # [N], the force there
         self._ticks = 0  # of the retreat
         self._toward = np.zeros(3)  # direction of a search under way, (3,)
 
@@ -314,34 +339,25 @@ class ContactControl(Admittance):
         self.sensor.advance(missed + 1)
         if not self.is_on:
             return dx
-        if self._retreat is not None:
-            return self._retreating(self._retreat, len(dx))
         if problem := self.sensor.problem:
             raise ContactError(problem)
+        if self.sensor.waits:
+            return dx
         wrench = self.sensor.at_tip(state)
         self.force = wrench[:3]
-        size = float(np.linalg.norm(self.force))
-        if size > self.settings.force_limit:
-            self.warning = (
-                f'a force of {size:.4g} N on the tip, allowed {self.settings.force_limit:g} '
-                '(admittance.force_limit): retreating'
-            )
-            self._retreat = self.force / size
-            self._left = _RETREAT_DISTANCE
-            return self._retreating(self._retreat, len(dx))
-        self.warning = ''
+        if self._retreat is None and self._exceeds_limit():
+            self._retreat = self.force / np.linalg.norm(self.force)
+            self._end = float(state.x @ self._retreat) + _RETREAT_DISTANCE
+        if self._retreat is not None:
+            return self._retreating(self._retreat, state, len(dx))
         rate = self.rate(wrench, state)
         self._bound_search(rate, state)
         return dx + rate
 
     def record(self, command: Command, dx: TaskVelocity) -> None:
         """Record what was executed of the desired velocity dx_d and of what was added to it."""
-        if not self.is_on:
-            return
         super().record(command, dx)
         moved = self.T * (command.J @ command.dq)[:3]
-        if self._retreat is not None:
-            self._left -= float(moved @ self._retreat)
         self._searched += float(moved @ self._toward)
 
     def asks(self, state: RobotState, missed: Cycles = 0) -> bool:
@@ -351,20 +367,41 @@ class ContactControl(Admittance):
         """
         self.sensor.advance(missed + 1)
         if not self.settings.enabled:
-            super().restart()
+            self.restart()
             return False
-        if self.sensor.problem:
+        if self.sensor.problem or self.sensor.waits:
             return False
         self.de = np.zeros(len(self.de))
-        rate = self.rate(self.sensor.at_tip(state), state)
-        return bool((np.abs(rate) > _AT_REST).any())
+        wrench = self.sensor.at_tip(state)
+        self.force = wrench[:3]
+        rate = self.rate(wrench, state)
+        return self._exceeds_limit() or bool((np.abs(rate) > _AT_REST).any())
 
-    def _retreating(self, direction: np.ndarray, rows: int) -> TaskVelocity:
+    def _exceeds_limit(self) -> bool:
+        """Whether the force is above its limit; then the warning says so."""
+        size = float(np.linalg.norm(self.force))
+        limit = self.settings.force_limit
+        self.warning = ''
+        if size > limit:
+            self.warning = (
+                f'a force of {size:.4g} N on the tip, allowed {limit:g} (admittance.force_limit)'
+            )
+        return size > limit
+
+    def _retreating(self, direction: np.ndarray, state: RobotState, rows: int) -> TaskVelocity:
         """The velocity of a retreat along (3,). Raises ContactError once it is over."""
         usual = _RETREAT_DISTANCE / (_RETREAT_SPEED * self.T)  # ticks
+        size = float(np.linalg.norm(self.force))
+        reached = float(state.x @ direction)
+        if reached <= self._turn:
+            self._turn = reached
+            self._first = max(self._first, size)
         self._ticks += 1
-        if self._left <= 0.0 or self._ticks > _RETREAT_TIME * usual:
-            raise ContactError(self.warning.replace('retreating', 'the tip has retreated'))
+        if reached >= self._end or self._ticks > _RETREAT_TIME * usual:
+            raise ContactError(f'{self.warning}: the tip has retreated')
+        opposed = -float(self.force @ direction)
+        if size > _GROWN * self._first + 1.0 or opposed > _OPPOSED * self.settings.force_limit:
+            raise ContactError(f'{self.warning}: the retreat met a force of {size:.4g} N')
         velocity = np.zeros(rows)
         velocity[:3] = _RETREAT_SPEED * direction
         return velocity
