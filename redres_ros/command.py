@@ -72,7 +72,8 @@ class Command:
     @property
     def tau(self) -> JointTorques:
         """M(q_k) ddq_k + n(q_k, dq_{k-1}), Eq. (6)."""
-        return self.state.M @ self.ddq + self.state.n
+        state = self.state
+        return state.model.torque(state.q, state.dq_prev, self.ddq)
 
     @property
     def min_singular_value(self) -> float:

@@ -66,7 +66,7 @@ class RobotState:
 
     # Until a quantity is asked for. A property with such a default takes half of what a
     # functools.cached_property takes.
-    _tip: tuple[Position, Rotation, Jacobian] | None = None
+    _tip: tuple[pin.SE3, Jacobian] | None = None
     _M: np.ndarray | None = None
     _n: np.ndarray | None = None
 
@@ -99,20 +99,20 @@ class RobotState:
     @property
     def J(self) -> Jacobian:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        return self._at_tip()[2]
+        return self._at_tip()[1]
 
     @property
     def x(self) -> Position:
         """Of the tip in the base frame."""
-        return self._at_tip()[0]
+        return self._at_tip()[0].translation.copy()
 
     @property
     def R(self) -> Rotation:
         """Of the tip in the base frame."""
-        return self._at_tip()[1]
+        return self._at_tip()[0].rotation.copy()
 
-    def _at_tip(self) -> tuple[Position, Rotation, Jacobian]:
-        """x, R and J: a tick asks for all, and each alone takes as long as they do together."""
+    def _at_tip(self) -> tuple[pin.SE3, Jacobian]:
+        """Placement and J: a tick asks for both, and each alone takes as long as they together."""
         if self._tip is None:
             self._tip = self.model._at_tip(self.q)
         return self._tip
@@ -265,7 +265,8 @@ class RobotModel:
     def tip(self, q: JointPositions) -> tuple[Position, Rotation]:
         """The tip's pose in the base frame."""
         q = finite_vector(q, self.n, 'q')
-        return self._at_tip(q)[:2]
+        placement, _ = self._at_tip(q)
+        return placement.translation.copy(), placement.rotation.copy()
 
     def pose(self, q: JointPositions, frame: str) -> tuple[Position, Rotation]:
         """Of a link in the base frame."""
@@ -300,9 +301,9 @@ class RobotModel:
         if not distance <= length:
             raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
-    def _at_tip(self, q: JointPositions) -> tuple[Position, Rotation, Jacobian]:
+    def _at_tip(self, q: JointPositions) -> tuple[pin.SE3, Jacobian]:
         J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
-        return self._tip_placement.translation.copy(), self._tip_placement.rotation.copy(), J
+        return self._tip_placement.copy(), J
 
     def _inertia(self, q: JointPositions) -> InertiaMatrix:
         return pin.crba(self._model, self._data, q)  # a copy

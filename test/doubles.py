@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros import Law, RobotModel, RobotState
 from redres_ros.parameter import param
@@ -37,8 +38,8 @@ class FloatingArm:
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    def _at_tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.zeros(3), np.eye(3), np.zeros((6, self.n))
+    def _at_tip(self, q: np.ndarray) -> tuple[pin.SE3, np.ndarray]:
+        return pin.SE3.Identity(), np.zeros((6, self.n))
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return np.zeros(len(q))

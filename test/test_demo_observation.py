@@ -183,7 +183,7 @@ def rows_and_log() -> tuple[Recording, Log, RobotModel]:
     for k in range(200):
         reference = planner.reference(model.tip(q)[0], k * T)
         command = controller.update(q, reference.dx)
-        motion.add(k * T, command, reference)
+        motion.add(k * T, command, reference, command.s)
         tick = k + 1000
         graph.publish_state(tick, q)
         graph.publish_command(tick, command.q_ref, command.dq)

@@ -49,7 +49,7 @@ def test_the_columns_are_those_that_users_rely_on():
 def of_one(command: Command, reference: Reference) -> Recording:
     """The recording of a single tick, at 0.5 s."""
     recorder = MotionRecorder(command.state.model, T)
-    recorder.add(0.5, command, reference)
+    recorder.add(0.5, command, reference, command.s)
     return recorder.recording('')
 
 

@@ -247,7 +247,7 @@ def replay(
             solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
             command = Command(solution, q_ref, state, elapsed)
             reference = _reference(desired, state, segment, pose)
-            recorder.add((stamp - under_way[0]) / 1e9, command, reference)
+            recorder.add((stamp - under_way[0]) / 1e9, command, reference, s)
         dq_prev = dq
         stamp_prev = stamp
     _, reason = log.stopped()

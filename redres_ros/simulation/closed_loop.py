@@ -3,7 +3,6 @@ is given.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -108,7 +107,7 @@ def run(
                 f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
             )
         executed = speed.fraction * command.s  # of the nominal speed
-        recorder.add(t, replace(command, solution=replace(command.solution, s=executed)), reference)
+        recorder.add(t, command, reference, executed)
         ahead -= (1.0 - executed) * T
         if not greedy:
             speed.advance(command.s, T)

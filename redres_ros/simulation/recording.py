@@ -15,6 +15,7 @@ from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.types import Jacobian, Seconds
 
 _SINGULAR = 'min_singular_value'
+_FIGURES = [VALUES[name] for name in VALUES if name not in (_SINGULAR, 'task_scaling')]
 _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 
@@ -39,14 +40,15 @@ class MotionRecorder:
         self._rows: list[tuple[float, ...]] = []
         self._jacobians: list[Jacobian] = []
 
-    def add(self, t: Seconds, command: Command, reference: Reference) -> None:
+    def add(self, t: Seconds, command: Command, reference: Reference, scaling: float) -> None:
+        """Record a tick, with the fraction of the nominal task velocity that was executed."""
         errors = [norm(reference.error)]
         if reference.orientation_error is not None:
             errors.append(norm(reference.orientation_error))
         x = reference.x_d - reference.error
-        figures = [figure(command) for name, figure in VALUES.items() if name != _SINGULAR]
+        figures = [figure(command) for figure in _FIGURES]
         vectors = np.concatenate((command.state.q, command.dq, x, reference.x_d)).tolist()
-        self._rows.append((t, *vectors, *errors, *figures, reference.segment))
+        self._rows.append((t, *vectors, *errors, *figures, scaling, reference.segment))
         self._jacobians.append(command.J)
 
     def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
