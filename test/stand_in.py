@@ -15,17 +15,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
-from unittest import mock
 
 import numpy as np
-from own_ros import ros
 from rcl_interfaces.srv import GetParameters
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from reference_judge import ReferenceJudge
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from virtual_graph import Graph, VirtualTime, _Wired
+from virtual_graph import Graph, on_wires
 
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_joint_state
@@ -275,34 +272,16 @@ class StandIn:
 
 
 @contextmanager
-def behind_ros2_control(
-    parameters: Path | Sequence[str], description: str = ''
-) -> Iterator[tuple[Graph, VirtualTime]]:
-    """A controller and a planner with parameters, from a file or words such as 'rate:=100.0', and
-    wires for a robot whose description may be published.
+def behind_ros2_control(parameters: Path | Sequence[str], description: str = '') -> Iterator[Graph]:
+    """A controller and a planner with parameters, from a file or words such as 'rate:=100.0', on
+    the wires for a robot whose description may be published.
     """
-    clock = VirtualTime()
-    graph = Graph(clock)
     if isinstance(parameters, Path):
         words = ['--params-file', str(parameters)]
     else:
         words = [word for parameter in parameters for word in ('-p', parameter)]
-    with (
-        ros(*words),
-        mock.patch('time.monotonic', clock.monotonic),
-        mock.patch('time.time_ns', clock.time_ns),
-    ):
-        nodes: list[Node] = []
-        try:
-            if description:
-                graph.publish('robot_description', String(data=description), latched=True)
-            nodes += [_wired(cls, graph)() for cls in (ControllerNode, PlannerNode)]
-            yield graph, clock
-        finally:
-            for node in nodes:
-                node.destroy_node()
-
-
-def _wired(cls: type[Node], graph: Graph) -> type[Node]:
-    """The node's class, on wires."""
-    return type(cls.__name__, (cls, _Wired), {'graph': graph})
+    graph = Graph()
+    if description:
+        graph.publish('robot_description', String(data=description), latched=True)
+    with on_wires(graph, (ControllerNode, PlannerNode), *words):
+        yield graph

@@ -19,7 +19,7 @@ from lifecycle_msgs.msg import Transition
 from nightly import by_day
 from reference_judge import ReferenceJudge, judge_graph
 from test_contact_nodes import FORCE, ON, force, mode, table_below
-from virtual_graph import Fault, VirtualRun, virtual_run
+from virtual_graph import IDEAL, Fault, VirtualRun, virtual_run
 from wire_faults import CHANNELS, FAULTS, WRENCH, Channel, make_fault
 
 from redres_ros.loop.modes import Mode
@@ -197,11 +197,9 @@ class Scene:
 def test_every_fault_of_every_message_ends_as_the_table_says(
     channel: Channel, name: str, expected: Cell
 ) -> None:
-    loop = {'rate': RATE}
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
     moves = channel.topic != 'target_pose'
-    controller = {**loop, 'admittance.enabled': True} if channel is WRENCH else loop
-    with virtual_run(sim=sim, controller=controller, planner={**loop, 'autostart': moves}) as run:
+    controller = {'admittance.enabled': channel is WRENCH}
+    with virtual_run(RATE, controller=controller, planner={'autostart': moves}) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         scene = Scene(run)
         run.run(1.5)
@@ -288,14 +286,14 @@ def prepared(situation: Situation, run: VirtualRun) -> None:
 @contextmanager
 def in_a_situation(situation: Situation) -> Iterator[tuple[VirtualRun, ReferenceJudge]]:
     """Three nodes, an arm in a situation, and the judge of what is published."""
-    loop = {'rate': RATE}
-    monitor_time = 60.0 if situation is Situation.MIRRORING else 0.1
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': monitor_time}
-    if situation is Situation.AT_AN_END:
+    sim: dict[str, Any] = dict(IDEAL)
+    if situation is Situation.MIRRORING:
+        sim['monitor_time'] = 60.0
+    elif situation is Situation.AT_AN_END:
         sim['start'] = AT_AN_END.tolist()
-    controller = {**loop, 'switch_time': CROSSFADE, 'law': 'dynamically_consistent'}
-    planner = {**loop, 'autostart': situation is not Situation.AT_AN_END}
-    with virtual_run(sim=sim, controller=controller, planner=planner) as run:
+    controller = {'switch_time': CROSSFADE, 'law': 'dynamically_consistent'}
+    planner = {'autostart': situation is not Situation.AT_AN_END}
+    with virtual_run(RATE, sim=sim, controller=controller, planner=planner) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         if situation is Situation.AT_AN_END:
             operate(run)

@@ -195,9 +195,7 @@ class Observer:
 
 
 def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on() -> None:
-    loop = {'rate': RATE}
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-    with virtual_run(sim=sim, controller=loop, planner={**loop, 'autostart': True}) as run:
+    with virtual_run(RATE, planner={'autostart': True}) as run:
         observer = Observer(run)
         thrower = Thrower(run, seed=0)
         chance = np.random.default_rng(1)

@@ -22,8 +22,6 @@ from redres_ros.planning.task_executor import TaskState
 
 pytestmark = pytest.mark.slow
 
-LOOP = {'rate': 100.0}
-SIM = {**LOOP, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
 SIDEWAYS = np.array((0.0, -0.1, 0.05))  # [m]
 SECOND = 1_000_000_000  # [ns]
 STILL = 1e-6  # [rad] by which an arm at rest moves: rounding
@@ -33,7 +31,7 @@ MODEL = RobotModel.named('lwr4_paper')
 @pytest.fixture
 def run() -> Iterator[VirtualRun]:
     """A robot in command mode whose planner waits for a goal."""
-    with virtual_run(sim=SIM, controller=LOOP, planner=LOOP) as made:
+    with virtual_run() as made:
         made.graph.kept['/diagnostics'] = []
         made.run(0.5)
         assert made.commanding
@@ -140,7 +138,7 @@ def test_a_target_out_of_reach_is_refused_with_the_bound(run: VirtualRun) -> Non
 
 
 def test_a_target_before_the_first_state_is_refused() -> None:
-    with virtual_run(sim=SIM, controller=LOOP, planner=LOOP) as made:
+    with virtual_run() as made:
         made.graph.publish('target_pose', to_pose(0, '', np.array((0.3, 0.3, 0.3)), np.eye(3)))
         assert logged(made, 'target_pose refused', 'no joint_states')
         made.run(1.0)
@@ -271,8 +269,7 @@ def test_a_point_out_of_reach_keeps_a_task_for_a_moment_and_not_for_ever(tmp_pat
     }
     file = tmp_path / 'task.yaml'
     file.write_text(yaml.safe_dump(content))
-    planner = {**LOOP, 'task': str(file), 'autostart': True}
-    with virtual_run(sim=SIM, controller=LOOP, planner=planner) as made:
+    with virtual_run(planner={'task': str(file), 'autostart': True}) as made:
         made.run(10.0)
         assert state(made) is TaskState.FINISHED
 

@@ -20,7 +20,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from lifecycle_msgs.msg import Transition
 from reference_judge import ReferenceJudge, judge_graph
 from stand_in import Habits, StandIn, behind_ros2_control
-from virtual_graph import Fault, Graph, VirtualRun, virtual_run
+from virtual_graph import IDEAL, Fault, Graph, VirtualRun, virtual_run
 from wire_faults import lossy, off
 
 from redres_ros.files.installation import share_path
@@ -122,15 +122,9 @@ def commanded(
     **controller: Any,
 ) -> Iterator[Arm]:
     """An arm in command mode that stands still; the robot goes exactly where it is sent."""
-    sim = {
-        'rate': rate,
-        'patience': 0.0,
-        'plant': 'ideal',
-        'monitor_time': 0.1,
-        'start': start.tolist(),
-    }
+    sim = {**IDEAL, 'start': start.tolist()}
     controller['rate'] = controller_rate or rate
-    with virtual_run(sim=sim, controller=controller) as run:
+    with virtual_run(rate, sim=sim, controller=controller) as run:
         run.graph.kept['/diagnostics'] = []
         run.graph.kept['joint_states'] = []
         arm = Arm(run, judge_graph(run.graph, LIMITS, rate, 'extrapolate'))
@@ -205,9 +199,8 @@ def test_what_would_move_a_held_arm_is_an_error_and_moves_it_by_no_bit(change: A
 def test_an_inactive_controller_publishes_nothing_although_a_joint_is_outside_its_range() -> None:
     start = START.copy()
     start[2] = LIMITS.upper[2] + 0.05
-    sim = {'rate': RATE, 'patience': 0.0, 'plant': 'ideal', 'start': start.tolist()}
-    controller = {'rate': RATE, 'initial_state': 'inactive'}
-    with virtual_run(sim=sim, controller=controller) as run:
+    sim = {**IDEAL, 'start': start.tolist()}
+    with virtual_run(RATE, sim=sim, controller={'initial_state': 'inactive'}) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         run.run(2.0)
     assert judge.references == []
@@ -273,7 +266,7 @@ def iiwa(directory: Path, habits: Habits | None = None, **changes: str) -> Itera
         text = re.sub(f'{name}: .*', f'{name}: {value}', text)
     path = directory / 'robot.yaml'
     path.write_text(text)
-    with behind_ros2_control(path) as (graph, _):
+    with behind_ros2_control(path) as graph:
         judge = judge_graph(graph, IIWA, 100.0, 'hold')
         robot = StandIn(graph, IIWA, np.array(find_arm('iiwa7').start), 100.0, habits=habits)
         graph.clock.advance(0.5)
@@ -298,18 +291,18 @@ def test_a_driver_of_one_turn_and_a_gap_make_no_step_of_a_turn(gap: float) -> No
     start = np.array(gen3.start)
     start[0] = 3.0
     arguments = ['robot:=gen3', f'rate:={RATE}', 'robot_interface:=ros2_control']
-    with behind_ros2_control(arguments) as (graph, clock):
+    with behind_ros2_control(arguments) as graph:
         robot = StandIn(graph, JointLimits.of(gen3), start, RATE, habits=Habits(one_turn=True))
         operator = Operator(graph)
-        clock.advance(0.2)
+        graph.clock.advance(0.2)
         around = model.state(start, np.zeros(7)).jacobian(gen3.tip_frame)[:3, 0]
         operator.velocity = 0.3 * around / np.linalg.norm(around)
-        clock.advance(2.0)
+        graph.clock.advance(2.0)
         assert robot.q[0] > 3.2  # it has passed half a turn, where its driver begins anew
         graph.faults['joint_states', 'controller'] = off()
-        clock.advance(gap)
+        graph.clock.advance(gap)
         graph.faults.clear()
-        clock.advance(1.0)
+        graph.clock.advance(1.0)
         robot.hardware.assert_followable()
 
 

@@ -154,7 +154,7 @@ def test_what_drivers_send_and_expect_matches_the_nodes(
 @pytest.mark.slow
 @SOME
 def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
-    with behind_ros2_control(FOLDER / f'{name}.yaml', ROBOTS[name].description) as (graph, _):
+    with behind_ros2_control(FOLDER / f'{name}.yaml', ROBOTS[name].description) as graph:
         robot = stand_in(name, graph)
         assert move(name, graph, robot) == 'finished'
     assert robot.complaints == []
@@ -165,20 +165,20 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
 
 @pytest.mark.slow
 def test_after_a_reflex_no_task_goes_on_by_itself() -> None:
-    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as graph:
         words: list[str] = []
         graph.listen('planner/state', 'test', lambda message: words.append(message.data))
         robot = stand_in('franka_fr3', graph)
-        clock.advance(0.5)
+        graph.clock.advance(0.5)
         assert graph.call('planner/start').success
-        clock.advance(1.0)
+        graph.clock.advance(1.0)
         assert words[-1] == 'moving'
         robot.fail_read()
-        clock.advance(0.8)
+        graph.clock.advance(0.8)
         robot.recover()
-        clock.advance(0.5)
+        graph.clock.advance(0.5)
         stood = robot.q
-        clock.advance(0.5)
+        graph.clock.advance(0.5)
         assert words[-1] == 'idle'
         assert np.array_equal(robot.q, stood)
 
@@ -191,31 +191,31 @@ def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
     def lose_one(message: Any, now: float) -> list[tuple[float, Any]]:
         return [] if late else [(0.0, message)]
 
-    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as graph:
         graph.faults[COMMANDS, 'robot'] = lose_one
         robot = stand_in('franka_fr3', graph)
-        clock.advance(0.5)
+        graph.clock.advance(0.5)
         x, R = RobotModel(ROBOTS['franka_fr3'].arm).tip(robot.q)
         graph.publish('target_pose', to_pose(0, '', x + UP, R))
-        clock.advance(0.5)
+        graph.clock.advance(0.5)
         assert robot.complaints == []
         late = True
-        clock.advance(0.001)
+        graph.clock.advance(0.001)
         late = False
-        clock.advance(0.01)
+        graph.clock.advance(0.01)
     assert robot.complaints[0] == 'joint_motion_generator_velocity_discontinuity'
 
 
 @pytest.mark.slow
 def test_with_the_30_hz_copy_of_a_franka_arms_states_nothing_moves_and_rates_are_named() -> None:
-    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as graph:
         arm = ROBOTS['franka_fr3'].arm
         steady = Habits(jitter=0.0)
         robot = StandIn(graph, JointLimits.of(arm), np.array(arm.start), 30.0, habits=steady)
-        clock.advance(2.0)
+        graph.clock.advance(2.0)
         x, R = RobotModel(arm).tip(robot.q)
         graph.publish('target_pose', to_pose(0, '', x + UP, R))
-        clock.advance(2.0)
+        graph.clock.advance(2.0)
     assert ('controller', 'states come at 30 Hz; expected 1000 Hz (parameter rate)') in graph.log
     assert np.ptp(robot.way, axis=0).max() == 0.0
 

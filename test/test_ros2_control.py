@@ -71,7 +71,7 @@ def scene(directory: Path, rate: float, habits: Habits | None = None) -> Iterato
     path = directory / 'robot.yaml'
     changed = given.replace('rate: 100.0', f'rate: {rate}').replace('_scale: 0.2', '_scale: 1.0')
     path.write_text(changed.replace('target_speed: 0.05', f'target_speed: {SPEED}'))
-    with behind_ros2_control(path) as (graph, _):
+    with behind_ros2_control(path) as graph:
         graph.kept['controller/mode'] = []
         published = judge_graph(graph, LIMITS, rate, 'hold')
         robot = StandIn(graph, LIMITS, np.array(ARM.start), rate, habits=habits)

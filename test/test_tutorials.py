@@ -19,7 +19,6 @@ from redres_ros.robot_model import RobotModel
 
 PAGES = Path(__file__).parents[1] / 'docs' / 'tutorials'
 RATE = 500.0  # [Hz]
-CALM = {'rate': RATE, 'plant': 'ideal', 'monitor_time': 0.1}
 
 
 def references(run: VirtualRun) -> np.ndarray:
@@ -41,7 +40,7 @@ def servo_at_30_hertz(run: VirtualRun, seconds: float) -> None:
 
 @pytest.mark.slow
 def test_a_camera_of_30_hertz_moves_the_arm_without_a_jump_at_its_pictures() -> None:
-    with virtual_run(sim=CALM, controller={'rate': RATE}) as run:
+    with virtual_run(RATE) as run:
         assert run.run_until(lambda: run.commanding, 5.0)
         run.graph.kept['joint_command'] = []
         servo_at_30_hertz(run, 4.0)
@@ -54,7 +53,7 @@ def test_a_camera_of_30_hertz_moves_the_arm_without_a_jump_at_its_pictures() -> 
 
 def errors_behind_a_camera(gain: float) -> np.ndarray:
     """How far the tip is behind a target on a circle, at each picture after some time [mm]."""
-    with virtual_run(sim=CALM, controller={'rate': RATE}) as run:
+    with virtual_run(RATE) as run:
         assert run.run_until(lambda: run.commanding, 5.0)
         tip = np.zeros(3)
 
@@ -95,11 +94,7 @@ def test_the_tip_is_as_far_behind_a_camera_as_the_page_says(gain: int) -> None:
 def test_a_target_pose_is_reached_as_the_page_says() -> None:
     [code] = re.findall(r'```python\n(.*?)```', (PAGES / 'target_pose.md').read_text(), re.DOTALL)
     model = RobotModel.named('lwr4')
-    with virtual_run(
-        sim=CALM | {'robot': 'lwr4'},
-        controller={'rate': RATE, 'robot': 'lwr4'},
-        planner={'rate': RATE, 'robot': 'lwr4'},
-    ) as run:
+    with virtual_run(RATE, 'lwr4') as run:
         assert run.run_until(lambda: run.commanding, 5.0)
         words: list[str] = []
         run.graph.listen('planner/state', 'test', lambda message: words.append(message.data))

@@ -40,10 +40,8 @@ def accelerations(limits: str, **faults: Fault) -> np.ndarray:
     """Of the robot's reference over the first side of the rectangle and a half, (N, 7) [rad/s^2],
     with faults on cartesian_velocity (twist) or joint_states (state).
     """
-    loop = {'rate': RATE}
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-    controller = {**loop, 'limits': limits}
-    with virtual_run(sim=sim, controller=controller, planner={**loop, 'autostart': True}) as run:
+    of_nodes = {'controller': {'limits': limits}, 'planner': {'autostart': True}}
+    with virtual_run(RATE, **of_nodes) as run:
         for name, fault in faults.items():
             topic = {'twist': 'cartesian_velocity', 'state': 'joint_states'}[name]
             run.graph.faults[topic, 'controller'] = fault
@@ -101,9 +99,7 @@ def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_noth
 
 
 def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
-    loop = {'rate': 100.0}
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-    with virtual_run(sim=sim, controller=loop, planner=loop) as run:
+    with virtual_run() as run:
         wire = ('joint_states', 'controller')
 
         def log_lines() -> list[str]:
@@ -127,9 +123,7 @@ def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
 @pytest.fixture
 def resting() -> Iterator[VirtualRun]:
     """A robot in command mode whose planner waits to be started."""
-    loop = {'rate': 100.0}
-    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-    with virtual_run(sim=sim, controller=loop, planner=loop) as run:
+    with virtual_run() as run:
         run.run(0.5)
         assert run.commanding
         yield run
@@ -218,8 +212,7 @@ def test_hold_stops_the_arm_and_lets_it_go_again(resting: VirtualRun) -> None:
 
 
 def test_without_a_clock_to_take_the_time_from_a_node_says_so_once_and_watches_on() -> None:
-    loop = {'rate': 100.0}
-    with virtual_run(sim=loop, controller={**loop, 'use_sim_time': True}, planner=loop) as run:
+    with virtual_run(controller={'use_sim_time': True}) as run:
         run.graph.kept['/diagnostics'] = []
         run.graph.faults['joint_states', 'controller'] = off()
         run.run(8.0)

@@ -12,7 +12,7 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
@@ -100,8 +100,8 @@ class Graph:
     published on the topics in `kept` is there, as (time [s], message).
     """
 
-    def __init__(self, clock: VirtualTime) -> None:
-        self.clock = clock
+    def __init__(self) -> None:
+        self.clock = VirtualTime()
         self.faults: dict[tuple[str, str], Fault] = {}
         self.taps: dict[tuple[str, str], Callable[[Any], None]] = {}
         self.kept: dict[str, list[tuple[float, Any]]] = {}
@@ -370,29 +370,46 @@ class VirtualRun:
         return condition()
 
 
+# A robot that goes exactly where it is sent, and waits for nobody.
+IDEAL = {'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+
+
 @contextmanager
-def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
-    """The nodes, with parameters by node and name, as sim={'patience': 0.0}."""
-    clock = VirtualTime()
-    graph = Graph(clock)
+def virtual_run(
+    rate: float = 100.0,
+    robot: str = 'lwr4_paper',
+    sim: Mapping[str, Any] = IDEAL,
+    **parameters: Mapping[str, Any],
+) -> Iterator[VirtualRun]:
+    """The nodes of a robot, with further parameters by node, as planner={'autostart': True}."""
     words = []
-    for node, values in parameters.items():
-        for name, value in values.items():
+    for node in ('sim', 'controller', 'planner'):
+        given = sim if node == 'sim' else parameters.get(node, {})
+        for name, value in {'rate': rate, 'robot': robot, **given}.items():
             words += ['-p', f'{node}:{name}:={_as_yaml(value)}']
-    with (
-        ros(*words),
-        mock.patch.object(time, 'monotonic', clock.monotonic),
-        mock.patch.object(time, 'time_ns', clock.time_ns),
-    ):
-        nodes: dict[str, Any] = {}
+    graph = Graph()
+    with on_wires(graph, (SimNode, ControllerNode, PlannerNode), *words) as nodes:
         try:
-            for cls in (SimNode, ControllerNode, PlannerNode):
-                wired = type(cls.__name__, (cls, _Wired), {'graph': graph})
-                node = wired()
-                nodes[node.get_name()] = node
             yield VirtualRun(graph, nodes)
         finally:
             _freeze(graph)
+
+
+@contextmanager
+def on_wires(graph: Graph, classes: Iterable[type[Node]], *words: str) -> Iterator[dict[str, Any]]:
+    """Nodes by name, made with words of a command line, in the virtual time of a graph."""
+    nodes: dict[str, Any] = {}
+    with (
+        ros(*words),
+        mock.patch.object(time, 'monotonic', graph.clock.monotonic),
+        mock.patch.object(time, 'time_ns', graph.clock.time_ns),
+    ):
+        try:
+            for cls in classes:
+                node = type(cls.__name__, (cls, _Wired), {'graph': graph})()
+                nodes[node.get_name()] = node
+            yield nodes
+        finally:
             for node in nodes.values():
                 node.destroy_node()
 
