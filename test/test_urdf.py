@@ -21,7 +21,6 @@ from redres_ros.geometry import rotation_matrix
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
-from redres_ros.robots.from_urdf import SquareTask, square_before_tip
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
 
@@ -382,11 +381,6 @@ def unknown(source: tuple[str, str]) -> Arm:
     return arm_from_urdf(*source)
 
 
-def square_of(arm: Arm) -> SquareTask:
-    start = np.array(arm.start)
-    return square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
-
-
 @EVERY_URDF
 def test_the_start_is_inside_the_ranges_and_away_from_singularities(source):
     arm = unknown(source)
@@ -420,7 +414,7 @@ def test_the_square_is_gone_round_within_the_limits(source, law):
 @EVERY_URDF
 def test_the_square_begins_and_ends_at_the_tip_and_has_equal_sides(source):
     arm = unknown(source)
-    square = square_of(arm)
+    square = task_for(arm, 'test')
     sides = np.diff(square.waypoints, axis=0)
     tip = arm.kinematics().position(np.array(arm.start))
     assert square.waypoints[[0, 4]] == pytest.approx(np.array((tip, tip)), abs=1e-12)
@@ -437,7 +431,7 @@ def test_the_square_begins_and_ends_at_the_tip_and_has_equal_sides(source):
     ids=['narrow', 'slow'],
 )
 def test_an_arm_in_a_narrow_cage_or_a_slow_one_gets_a_smaller_square(limit):
-    square = square_of(arm_from_urdf(urdf().replace(LIMIT, limit), 'tip'))
+    square = task_for(arm_from_urdf(urdf().replace(LIMIT, limit), 'tip'), 'test')
     assert 0.001 <= np.linalg.norm(square.waypoints[1] - square.waypoints[0]) < 0.1
     assert square.segment_time <= 6.0 + 1e-9
 

@@ -117,7 +117,8 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
         raise FileError(
             f'{name} has no task of its own, and no square that it could go round; name a task'
         )
-    return WaypointTask(name, start, square.waypoints, segment_time=square.segment_time)
+    points, segment_time = square
+    return WaypointTask(name, start, points, segment_time=segment_time)
 
 
 class _UnexpectedError(Exception):

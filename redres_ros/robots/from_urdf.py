@@ -1,10 +1,8 @@
 """An arm of which only the URDF is known: its tip, and defaults for what the URDF does not say."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import combinations_with_replacement
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +18,6 @@ _REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
 _PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
 
 _BENT_JOINTS = 3  # at most, of a start
-_MANY_JOINTS = 12  # arms with more are well conditioned with a single one bent
 _BEND = 1.0  # [rad] or [m], from the middle of such a joint's range; at most half-way to its end
 _GOOD_ENOUGH = 0.4  # of the best conditioning found
 
@@ -118,7 +115,10 @@ def _start(kinematics: Kinematics) -> JointPositions:
     """
     middle = (kinematics.lower + kinematics.upper) / 2.0
     bend = np.minimum((kinematics.upper - kinematics.lower) / 4.0, _BEND)
-    bends = np.array(list(_bends(kinematics.n)))  # (N, n), of -1, 0 and 1
+    n = kinematics.n
+    of_one_joint = np.vstack((np.zeros(n), np.kron(np.eye(n), ((-1.0,), (1.0,)))))
+    chosen = combinations_with_replacement(of_one_joint, _BENT_JOINTS)
+    bends = np.clip([sum(each) for each in chosen], -1.0, 1.0)  # (N, n), of -1, 0 and 1
     postures = middle + bends * bend
     conditioning = _conditioning(kinematics, postures)
     good = conditioning >= _GOOD_ENOUGH * conditioning.max()
@@ -127,17 +127,6 @@ def _start(kinematics: Kinematics) -> JointPositions:
     best = fewest & (conditioning > 0.99 * conditioning[fewest].max())
     tips = np.array([kinematics.position(q) for q in postures])  # (N, 3) [m]
     return postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
-
-
-def _bends(n: int) -> Iterator[np.ndarray]:
-    """All combinations of few of n joints, bent to either side, (n,)."""
-    most = _BENT_JOINTS if n <= _MANY_JOINTS else 1
-    for count in range(most + 1):
-        for joints in combinations(range(n), count):
-            for sides in product((-1.0, 1.0), repeat=count):
-                bends = np.zeros(n)
-                bends[list(joints)] = sides
-                yield bends
 
 
 def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
@@ -153,20 +142,12 @@ def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
     return values[:, rank - 1] / largest
 
 
-class SquareTask(NamedTuple):
-    """Five points of the tip, the last one the first again, and the time of a side, in which every
-    joint stays far below its limits.
-    """
-
-    waypoints: Points
-    segment_time: Seconds
-
-
 def square_before_tip(
     kinematics: Kinematics, start: JointPositions, acceleration: JointAccelerations
-) -> SquareTask | None:
-    """A square from the initial position of the tip, towards the base; None if the tip can move in
-    no such plane.
+) -> tuple[Points, Seconds] | None:
+    """A square from the initial position of the tip, towards the base: five points, and the time of
+    a side, in which every joint stays far below its limits. None if the tip can move in no such
+    plane.
 
     Its sides are along y and z if the tip can move so, else along x and z, or x and y. They are
     0.1 m, or as much as the joints' ranges and speeds allow, by the Jacobian at the start.
@@ -194,5 +175,5 @@ def square_before_tip(
             np.sqrt(PEAK_ACCELERATION * moved / (_USED * acceleration)),
         )
         longest = max(_SHORTEST, float(times.max()))
-        return SquareTask(waypoints, float(np.ceil(10.0 * longest) / 10.0))  # to a tenth
+        return waypoints, float(np.ceil(10.0 * longest) / 10.0)  # to a tenth
     return None
