@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,8 @@ from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
+from redres_ros.nodes.topics import TASK_STATE
+from redres_ros.planning.task_executor import TaskState
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
@@ -216,8 +220,12 @@ def test_a_task_is_repeated_for_as_long_as_asked(tmp_path: Path, short_task: str
     assert motion(tmp_path)[-1, 0] > max(duration, 1.9 * rounds)
 
 
-def running(out: Path, *arguments: str) -> tuple[subprocess.Popen[str], list[int]]:
-    """A demo whose task is under way, and the numbers of its nodes' processes."""
+def running(
+    out: Path,
+    *arguments: str,
+    until: Callable[[GraphMonitor], bool] = lambda node: node.progress() > 0.05,
+) -> tuple[subprocess.Popen[str], list[int]]:
+    """A demo whose task is under way, or has come so far, and the numbers of its processes."""
     with graph(lambda: GraphMonitor('test')) as (node, _):
         process = subprocess.Popen(
             [*command(out), '--domain', os.environ['ROS_DOMAIN_ID'], *arguments],
@@ -226,7 +234,7 @@ def running(out: Path, *arguments: str) -> tuple[subprocess.Popen[str], list[int
             text=True,
             start_new_session=True,
         )
-        await_that(lambda: node.progress() > 0.01, 'the task')
+        await_that(lambda: until(node), 'the task')
     return process, descendants(process.pid)
 
 
@@ -247,6 +255,21 @@ def test_a_signal_prints_what_was_reached_and_leaves_no_process(
     assert f'{summary(tmp_path)["motion"]["segments"]} in' in printed
     assert len(motion(tmp_path)) > 10
     assert not (tmp_path / 'motion.png').exists()  # nobody waits for a picture
+
+
+def test_ctrl_c_after_the_task_is_the_ordinary_end_of_a_page(
+    tmp_path: Path, short_task: str
+) -> None:
+    pytest.importorskip('viser', reason='needs the extra view')
+    options = ('--view', *IN_LOCKSTEP, '--task', short_task)
+    process, _ = running(
+        tmp_path, *options, until=lambda node: node.word(TASK_STATE) == TaskState.FINISHED.value
+    )
+    time.sleep(1.0)  # the arm is observed a little longer
+    process.send_signal(signal.SIGINT)
+    printed, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, printed + errors
+    assert summary(tmp_path)['task'] == 'finished'
 
 
 def test_a_run_that_is_interrupted_before_the_nodes_publish_has_no_motion(tmp_path: Path) -> None:

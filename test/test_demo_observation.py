@@ -27,7 +27,7 @@ from redres_ros.demo.outcome import motion_values, pressing_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law
 from redres_ros.nodes.conversions import to_time
-from redres_ros.nodes.topics import REASON, TASK_STATE
+from redres_ros.nodes.topics import REASON, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
@@ -145,6 +145,17 @@ def test_rounds_are_what_the_planner_moved_through_until_the_robot_stopped() -> 
     log = graph.log
     assert ticks(log.under_way()) == [10, 11, 12, 20, 21, 22]
     assert log.stopped() == (22 * PERIOD, 'a reason')
+
+
+def test_a_word_from_before_a_task_began_is_not_its_ending() -> None:
+    graph = Graph()
+    graph.publish_word(TASK_STATE, 'finished')  # of the round before
+    graph.publish(TASK_BEGUN, to_time(PERIOD))
+    assert graph.log.ending() == ''
+    graph.publish_word(TASK_STATE, 'moving')
+    assert graph.log.ending() == ''
+    graph.publish_word(TASK_STATE, 'finished')
+    assert graph.log.ending() == 'finished'
 
 
 def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:

@@ -21,8 +21,8 @@ from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import Law
 from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE
-from redres_ros.planning.task_executor import UNDER_WAY, TaskState
+from redres_ros.nodes.topics import REASON, SESSION
+from redres_ros.planning.task_executor import TaskState
 from redres_ros.planning.waypoints import TaskEvent, WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
@@ -162,12 +162,11 @@ class Demo:
 
     def _run_task(self, monitor: GraphMonitor, progress: Callable[[float], None]) -> None:
         """Run the task until it has ended, the robot is stopped, or a time limit."""
-        called = time.monotonic()
         self._start_task(monitor)
         events = sorted((*self.switches, *self.task.events), key=lambda event: event.at)
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
-        while t < PATIENCE * nominal and not _has_ended(monitor, called):
+        while t < PATIENCE * nominal and not self._log.ending():
             self._look(monitor)
             if monitor.word(REASON):
                 return
@@ -179,7 +178,7 @@ class Demo:
             time.sleep(_LOOK)
         time.sleep(_SETTLING)
         self._look(monitor)
-        if monitor.word(TASK_STATE) != _FINISHED:
+        if self._log.ending() != _FINISHED:
             reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
             print('; '.join(('the task was not finished', *reasons)), flush=True)
 
@@ -208,7 +207,7 @@ class Demo:
         def done() -> float:
             return (self._log.newest - first) / 1e9 / self.duration
 
-        while monitor.word(TASK_STATE) == _FINISHED and done() < 1.0:
+        while self._log.ending() == _FINISHED and done() < 1.0:
             self._run_task(monitor, lambda _: progress(min(done(), 1.0)))
             self._rounds += 1
 
@@ -272,10 +271,3 @@ class Demo:
         desired_force = self.task.nodes.get('controller', {}).get('admittance.force', ())
         summary['pressing'] = pressing_values(forces, desired_force)
         return Outcome(recording, summary, forces)
-
-
-def _has_ended(monitor: GraphMonitor, since: float) -> bool:
-    """Whether a task has ended, finished or given up, since an instant [s]."""
-    last = monitor.values.get(TASK_STATE)
-    under_way = [state.value for state in UNDER_WAY]
-    return last is not None and last.at > since and last.value not in under_way

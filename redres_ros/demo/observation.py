@@ -20,7 +20,7 @@ from redres_ros.laws import Law
 from redres_ros.nodes.conversions import JointMapper, deserialised, stamp_of, to_nanoseconds
 from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Reference
-from redres_ros.planning.task_executor import TaskState
+from redres_ros.planning.task_executor import UNDER_WAY, TaskState
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import MotionRecorder, Recording
@@ -52,6 +52,7 @@ _UNSTAMPED: dict[str, tuple[type, str]] = {
 _DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = (TASK_BEGUN, TASK_STATE, REASON, SESSION)
 _DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_MOVING = [state.value for state in UNDER_WAY]
 _HELD_UP = 1.5  # cycles between two states, beyond which the robot's clock stood still
 
 
@@ -76,6 +77,7 @@ class Log:
         self.sent: dict[str, dict[int, int]] = {topic: {} for topic in _STAMPED}
         self.newest = 0
         self.began = 0
+        self._began_at = 0  # when that was published [ns]
         unstamped = {topic: kind for topic, (kind, _) in _UNSTAMPED.items()}
         self._topics: dict[str, type] = {TASK_BEGUN: Time, **_STAMPED, **unstamped}
         self._is_closed = False
@@ -101,6 +103,7 @@ class Log:
         """Enter a message; of those without a stamp, the changes."""
         if topic == TASK_BEGUN:
             self.began = to_nanoseconds(deserialised(sample.data, Time))
+            self._began_at = sample.sent
         elif topic in _STAMPED:
             stamp = stamp_of(sample.data)
             if topic == STATES:
@@ -131,6 +134,11 @@ class Log:
     def words(self, topic: str) -> tuple[str, ...]:
         """What was published on a topic of text, in order."""
         return tuple(value for _, value in self._changes[topic])
+
+    def ending(self) -> str:
+        """The planner's word for the end of the task that began last; empty before that."""
+        words = [word for sent, word in self._changes[TASK_STATE] if sent >= self._began_at]
+        return words[-1] if words and words[-1] not in _MOVING else ''
 
     def changes(self, topic: str) -> dict[int, Any]:
         """The values of a topic without stamps, by the stamp at which each was new; 0: before."""
@@ -251,8 +259,8 @@ def replay(
         dq_prev = dq
         stamp_prev = stamp
     _, reason = log.stopped()
-    is_finished = log.words(TASK_STATE)[-1:] == (TaskState.FINISHED.value,)  # the last time
-    return recorder.recording(reason, finished=is_finished and not reason)
+    is_finished = log.ending() == TaskState.FINISHED.value and not reason
+    return recorder.recording(reason, finished=is_finished)
 
 
 def _reference(desired: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
