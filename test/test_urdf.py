@@ -220,6 +220,10 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
 
 # --- what is refused ------------------------------------------------------------------------------
 
+LONG = ''.join(
+    f'<link name="l{k}"/>' + joint(f'j{k}', f'l{k - 1}' if k else 'base', f'l{k}', '', 'fixed')
+    for k in range(400)
+)
 NO_VELOCITY = 'joint elbow has no velocity limit above zero'
 
 
@@ -231,6 +235,8 @@ NO_VELOCITY = 'joint elbow has no velocity limit above zero'
         ('elbow', LIMIT, f'{LIMIT}<mimic joint="shoulder"/>', 'must move by itself'),
         ('elbow', 'axis xyz="0 1 0"', 'axis xyz="0 0 0"', 'elbow has the axis 0 0 0'),
         ('elbow', 'xyz="0 0 0.3"', 'xyz="0 0 nan"', "joint elbow has xyz '0 0 nan'; expected 3"),
+        ('elbow', 'xyz="0 0 0.3"', 'xyz="0 0 1e300"', 'expected 3 numbers up to 1e+50'),
+        ('elbow', 'axis xyz="0 1 0"', 'axis xyz="0 1e200 0"', "joint elbow has xyz '0 1e200 0'"),
         ('elbow', 'child link="c"', 'child link="forearm"', "the child link 'forearm' of joint"),
         ('elbow', LIMIT, '', 'joint elbow has the range 0 to 0; expected lower < upper'),
         ('elbow', 'lower="-2"', 'lower="3"', 'joint elbow has the range 3 to 2'),
@@ -258,6 +264,8 @@ def test_a_part_that_cannot_be_is_refused_by_name(name, old, new, complaint):
         (urdf(joint('strut', 'a', 'c', '', 'fixed')), 'tip', 'two parent joints, elbow, strut'),
         (urdf(joint('back', 'd', 'base', '', 'fixed')), 'tip', 'is part of a circle'),
         (urdf().replace('"elbow"', '"wrist"'), 'tip', "there are 2 joints 'wrist'"),
+        (urdf(100_000 * '<a>' + 100_000 * '</a>'), 'tip', 'its elements are nested too deeply'),
+        (urdf(LONG), 'l399', 'more joints than 100 lead to l399'),
     ],
 )
 def test_a_tree_that_is_no_arm_is_refused_by_name(text, tip, complaint):

@@ -11,6 +11,7 @@ from redres_ros.robots.urdf import Urdf, UrdfJoint, child
 CONTINUOUS_RANGE = 2000.0 * math.pi  # [rad] to either side, for a joint that turns without end
 UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 
+_MOST_JOINTS = 100  # from the root link to a tip; memory grows by the cube of their number
 _MOVING = ('revolute', 'continuous', 'prismatic')
 _OF_MOVING_JOINTS = ('axis', 'limit', 'dynamics', 'mimic', 'safety_controller', 'calibration')
 
@@ -53,6 +54,8 @@ def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
         joint = above[link]
         if joint in chain:
             raise urdf.error(f'joint {joint.name} is part of a circle; expected a tree of links')
+        if len(chain) == _MOST_JOINTS:
+            raise urdf.error(f'more joints than {_MOST_JOINTS} lead to {tip_frame}')
         chain.append(joint)
         link = joint.parent
     for other_root in urdf.links.keys() - above.keys() - {link}:

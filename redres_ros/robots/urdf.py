@@ -1,6 +1,5 @@
 """A URDF as a tree of elements: its joints, and its numbers with the defaults that URDF gives."""
 
-import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +19,7 @@ if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for nu
         f'remove it, then: {remedy("pinocchio")}'
     )
 
+_LARGEST = 1e50  # number, whose square is finite as well
 TEXT = 'the robot description'  # name in errors of a URDF that is no file
 
 
@@ -59,8 +59,11 @@ class Urdf:
         return cls(robot, source)
 
     def text(self) -> str:
-        """The URDF as it is now."""
-        return ET.tostring(self.robot, encoding='unicode')
+        """The URDF as it is now. Raises FileError."""
+        try:
+            return ET.tostring(self.robot, encoding='unicode')
+        except RecursionError:
+            raise self.error('its elements are nested too deeply') from None
 
     def error(self, problem: str) -> FileError:
         """An error to raise, which names this URDF."""
@@ -101,7 +104,7 @@ class Urdf:
         self, element: ET.Element | None, attribute: str, default: str, owner: str
     ) -> np.ndarray:
         """An attribute's numbers, as many as in the default, of an element that may be missing.
-        Raises FileError, which names the owner, for another number of them, NaN or infinity.
+        Raises FileError, which names the owner, for another number of them, and for one too large.
         """
         text = default if element is None else element.get(attribute, default)
         expected = len(default.split())
@@ -109,9 +112,11 @@ class Urdf:
             values = [float(word) for word in text.split()]
         except ValueError:
             values = []
-        if len(values) != expected or not all(map(math.isfinite, values)):
-            noun = 'a finite number' if expected == 1 else f'{expected} finite numbers'
-            raise self.error(f'{owner} has {attribute} {text!r}; expected {noun}')
+        if len(values) != expected or not all(abs(value) <= _LARGEST for value in values):
+            noun = 'a number' if expected == 1 else f'{expected} numbers'
+            raise self.error(
+                f'{owner} has {attribute} {text!r}; expected {noun} up to {_LARGEST:g}'
+            )
         return np.array(values)
 
     def number(self, element: ET.Element | None, attribute: str, owner: str) -> float:
