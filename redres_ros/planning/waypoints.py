@@ -121,10 +121,6 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
     return WaypointTask(name, start, points, segment_time=segment_time)
 
 
-class _UnexpectedError(Exception):
-    """A value of a task file that is not what its text says."""
-
-
 def _to_task(content: Any, path: Path) -> WaypointTask:
     if not isinstance(content, dict) or not all(key in content for key in _REQUIRED):
         raise FileError(
@@ -137,10 +133,11 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     for key, value in content.items():
         if key not in _READERS:
             raise UnknownNameError(f'key in {path}', str(key), _READERS)
+        read, expected = _READERS[key]
         try:
-            given[key] = _READERS[key](value)
-        except _UnexpectedError as error:
-            raise FileError(f'{path}: {key} is {quoted(value)}; expected {error}') from None
+            given[key] = read(value)
+        except (TypeError, ValueError, OverflowError):
+            raise FileError(f'{path}: {key} is {quoted(value)}; expected {expected}') from None
     turns = given.pop('quaternions', given.pop('rpy', None))
     if turns is None:
         return WaypointTask(**given)
@@ -153,108 +150,98 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     return WaypointTask(**given, orientations=np.broadcast_to(turns, (count, 3, 3)).copy())
 
 
-def _read_name(value: Any) -> str:
+# Each returns what a value means, or raises TypeError, ValueError or OverflowError.
+
+
+def _name(value: Any) -> str:
     if not isinstance(value, str):
-        raise _UnexpectedError('a name')
+        raise TypeError
     return value
 
 
-def _read_number(value: Any) -> float:
-    try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
-        if not isinstance(value, bool):
-            return float(value)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise _UnexpectedError('a number')
+def _number(value: Any) -> float:
+    if isinstance(value, bool):
+        raise TypeError
+    return float(value)  # YAML 1.1 takes 1e-3, which has no dot, for a text
 
 
-def _read_numbers(value: Any, dimensions: int, largest: float) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(())
-    if array.ndim != dimensions or not (np.abs(array) <= largest).all():
-        shape = 'a list' if dimensions == 1 else 'rows'
-        raise _UnexpectedError(f'{shape} of finite numbers, none beyond {largest:g}')
+def _numbers(value: Any, row: tuple[int, ...], largest: float) -> np.ndarray:
+    """Numbers, or rows of a shape."""
+    array = np.array(value, dtype=np.float64)
+    if array.ndim == 0 or array.shape[1:] != row or not (np.abs(array) <= largest).all():
+        raise ValueError
     return array
 
 
-def _read_start(value: Any) -> JointPositions:
+def _start(value: Any) -> JointPositions:
     """Angles are given in degrees, positions of linear joints as '0.3 m'."""
-    members = list(value) if isinstance(value, list) else []
-    is_linear = np.array([str(member).endswith(_METRES) for member in members], dtype=bool)
-    for place in np.flatnonzero(is_linear):
-        members[place] = str(members[place]).removesuffix(_METRES)
-    numbers = _read_numbers(members or value, 1, _MOST_DEGREES)
+    if not isinstance(value, list):
+        raise TypeError
+    members = list(map(str, value))
+    is_linear = [member.endswith(_METRES) for member in members]
+    numbers = _numbers([member.removesuffix(_METRES) for member in members], (), _MOST_DEGREES)
     return np.where(is_linear, numbers, np.radians(numbers))
 
 
-def _read_rows(value: Any, columns: int, largest: float) -> np.ndarray:
-    rows = _read_numbers(value, 2, largest)
-    if rows.shape[1] != columns:
-        raise _UnexpectedError(f'rows of {columns} numbers')
-    return rows
-
-
-def _read_waypoints(value: Any) -> Points:
-    points = _read_rows(value, 3, _FARTHEST)
+def _waypoints(value: Any) -> Points:
+    points = _numbers(value, (3,), _FARTHEST)
     if len(points) < 2:
-        raise _UnexpectedError('at least two points')
+        raise ValueError
     return points
 
 
-def _read_quaternions(value: Any) -> np.ndarray:
-    rows = _read_rows(value, 4, 1e3)
+def _quaternions(value: Any) -> np.ndarray:
+    rows = _numbers(value, (4,), 1e3)
     if (np.linalg.norm(rows, axis=1) < 1e-6).any():
-        raise _UnexpectedError('rows x, y, z, w, not all of them zero')
+        raise ValueError
     return np.array([from_quaternion(row) for row in rows])
 
 
-def _read_angles(value: Any) -> np.ndarray:
+def _angles(value: Any) -> np.ndarray:
     """Roll, pitch and yaw in degrees."""
-    rows = np.radians(_read_rows(value, 3, _MOST_DEGREES))
+    rows = np.radians(_numbers(value, (3,), _MOST_DEGREES))
     return np.array([from_roll_pitch_yaw(row) for row in rows])
 
 
-def _read_nodes(value: Any) -> dict[str, dict[str, Any]]:
-    if not isinstance(value, dict):
-        raise _UnexpectedError('parameters below the names of nodes')
-    return {name: _read_parameters(name, own) for name, own in value.items()}
+def _parameters(node: Any, given: Any) -> dict[str, Any]:
+    """Values by name, arrays as tuples. What they are, the node judges itself."""
+    if node not in _NODES:
+        raise ValueError
+    own = {str(name): value for name, value in dict(given).items()}
+    return own | {name: tuple(value) for name, value in own.items() if isinstance(value, list)}
 
 
-def _read_events(value: Any) -> tuple[TaskEvent, ...]:
-    if not (isinstance(value, list) and all(isinstance(given, dict) for given in value)):
-        raise _UnexpectedError('a list of events with at [s], node, and parameters')
+def _nodes(value: Any) -> dict[str, dict[str, Any]]:
+    return {name: _parameters(name, own) for name, own in dict(value).items()}
+
+
+def _events(value: Any) -> tuple[TaskEvent, ...]:
     events = []
-    for given in value:
-        own = dict(given)
-        at = _read_number(own.pop('at', None))
-        node = own.pop('node', None)
-        events.append(TaskEvent(at, node, _read_parameters(node, own)))
+    for given in map(dict, value):
+        at = _number(given.pop('at', None))
+        node = given.pop('node', None)
+        events.append(TaskEvent(at, node, _parameters(node, given)))
     return tuple(events)
 
 
-def _read_parameters(node: Any, given: Any) -> dict[str, Any]:
-    """Values by name, arrays as tuples. What they are, the node judges itself."""
-    if node not in _NODES or not isinstance(given, dict):
-        raise _UnexpectedError(f'parameters of a node among {", ".join(_NODES)}')
-    tuples = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
-    return {str(name): value for name, value in {**given, **tuples}.items()}
-
-
 _REQUIRED = ('robot', 'start', 'waypoints')
-_READERS: dict[str, Callable[[Any], Any]] = {
-    'robot': _read_name,
-    'start': _read_start,
-    'waypoints': _read_waypoints,
-    'quaternions': _read_quaternions,
-    'rpy': _read_angles,
-    'segment_time': _read_number,
-    'feedback_gain': _read_number,
-    'tolerance': _read_number,
-    'orientation_tolerance': _read_number,
-    'switching': _read_name,
-    'nodes': _read_nodes,
-    'events': _read_events,
+_OF_NODES = f'parameters of a node among {", ".join(_NODES)}'
+_DEGREES = f'finite numbers, none beyond {_MOST_DEGREES:g}'
+_READERS: dict[str, tuple[Callable[[Any], Any], str]] = {  # and what is expected, in words
+    'robot': (_name, 'a name'),
+    'start': (_start, f'a list of {_DEGREES}'),
+    'waypoints': (
+        _waypoints,
+        f'at least two points, rows of 3 finite numbers, none beyond {_FARTHEST:g}',
+    ),
+    'quaternions': (_quaternions, 'rows x, y, z, w of finite numbers, not all of them zero'),
+    'rpy': (_angles, f'rows of 3 {_DEGREES}'),
+    'segment_time': (_number, 'a number'),
+    'feedback_gain': (_number, 'a number'),
+    'tolerance': (_number, 'a number'),
+    'orientation_tolerance': (_number, 'a number'),
+    'switching': (_name, 'a name'),
+    'nodes': (_nodes, f'{_OF_NODES}, below its name'),
+    'events': (_events, f'a list of events with at [s], node, and {_OF_NODES}'),
 }
 _OPTIONAL = tuple(key for key in _READERS if key not in _REQUIRED)
