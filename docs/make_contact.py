@@ -73,7 +73,7 @@ def levels() -> Iterator[Row]:
     """A law and its scheme of second order while a hand pushes tip and elbow."""
     for law, claim in LEVELS.items():
         free, on_table = (
-            float(np.linalg.norm(by_velocity(law, *case)[0] - by_scheme(law, *case), axis=1).max())
+            float(np.linalg.norm(by_velocity(law, *case) - by_scheme(law, *case), axis=1).max())
             for case in ((IMPEDANCE, pushed_tip), (FORCE_CONTROL, wall_below))
         )
         measured = (

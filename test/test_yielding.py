@@ -135,15 +135,6 @@ def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(force: A
     assert arm.loop.mode is Mode.MOVING
 
 
-def test_a_retreat_ends_in_a_hold() -> None:
-    arm = PushedArm(replace(FREE, force_limit=50.0))
-    arm.run(0.01, 6.0 * PUSH)
-    arm.run(2.0, NOTHING)
-    assert arm.loop.error and arm.loop.mode is Mode.HOLDING
-    # 10 mm, and the path on which the arm stops
-    assert arm.moved[1] == pytest.approx(0.01, abs=2e-3)
-
-
 @pytest.mark.parametrize(('sign', 'speed', 'most'), [(1.0, 0.1, 127.0), (-1.0, 0.05, 230.0)])
 def test_a_retreat_ends_where_the_force_opposes_it_or_grows(
     sign: float, speed: float, most: float
@@ -195,8 +186,10 @@ def test_admittance_that_goes_on_in_motion_waits_for_the_first_wrench() -> None:
     assert 'no wrench for 0.05 s' in arm.loop.error
 
 
-def test_an_arm_that_presses_is_not_tared() -> None:
+def test_an_arm_that_moves_or_presses_is_not_tared() -> None:
     arm = PushedArm(replace(FREE, force=(0.0, 10.0, 0.0)))
+    with pytest.raises(TareError, match='the arm is moving; expected one at rest'):
+        arm.loop.tare()
     arm.run(2.0, PUSH)
     with pytest.raises(TareError, match='the arm yields to the force'):
         arm.loop.tare()
