@@ -135,25 +135,36 @@ def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(force: A
     assert arm.loop.mode is Mode.MOVING
 
 
-@pytest.mark.parametrize(('sign', 'speed', 'most'), [(1.0, 0.1, 127.0), (-1.0, 0.05, 230.0)])
+@pytest.mark.parametrize(
+    ('sign', 'speed', 'slot', 'words', 'most'),
+    [
+        (1.0, 0.1, (-1e-4, 1e-4), 'the retreat met a force of', 127.0),  # the other side opposes it
+        (-1.0, 0.05, (-1e-4, 1e-4), 'the retreat met a force of', 230.0),  # it leads into the wall
+        (
+            1.0,
+            0.5,
+            (-1.0, 0.02),
+            'the tip has retreated',
+            200.0,
+        ),  # the force grows while the arm brakes
+    ],
+)
 def test_a_retreat_ends_where_the_force_opposes_it_or_grows(
-    sign: float, speed: float, most: float
+    sign: float, speed: float, slot: tuple[float, float], words: str, most: float
 ) -> None:
-    """A peg meets the wall of a slot of 0.1 mm on either side and 50 kN/m; a sensor of the wrong
-    sign sends it into the wall.
-    """
+    """A peg meets the walls of a slot [m] of 50 kN/m; its sensor may have the wrong sign."""
     arm = PushedArm(replace(FREE, damping=(1000.0,) * 3, force_limit=80.0))
     pressed = []
 
-    def in_slot(q: np.ndarray) -> np.ndarray:
+    def between_walls(q: np.ndarray) -> np.ndarray:
         y = (MODEL.tip(q)[0] - arm.x0)[1]
-        force = 5e4 * (np.clip(y, -1e-4, 1e-4) - y)
+        force = 5e4 * (np.clip(y, *slot) - y)
         pressed.append(abs(force))
         return sign * np.array((0.0, force, 0.0))
 
-    arm.run(0.5, in_slot, np.array((0.0, speed, 0.0)))
-    arm.run(1.0, in_slot)
-    assert 'the retreat met a force of' in arm.loop.error
+    arm.run(0.5, between_walls, np.array((0.0, speed, 0.0)))
+    arm.run(1.0, between_walls)
+    assert words in arm.loop.error
     assert 80.0 < max(pressed) < most
 
 
@@ -177,11 +188,11 @@ def test_an_arm_is_led_by_hand_for_long_while_zero_twists_are_streamed() -> None
 
 def test_admittance_that_goes_on_in_motion_waits_for_the_first_wrench() -> None:
     arm = PushedArm(replace(FREE, enabled=False))
-    arm.loop.measurements.contact.sensor.enter(np.full(6, 1e3))  # of long ago
+    arm.loop.measurements.enter_wrench(0, np.full(6, 1e3), '')  # of long ago
     arm.run(0.3, None, GENTLE)
     arm.loop.measurements.contact.set_settings(FREE)
     arm.run(0.04, None, GENTLE)
-    assert arm.loop.error == ''
+    assert arm.loop.error == arm.loop.warning == ''
     arm.run(0.2, None, GENTLE)
     assert 'no wrench for 0.05 s' in arm.loop.error
 
