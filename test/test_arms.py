@@ -10,7 +10,6 @@ from nightly import by_day
 from reference_model import ReferenceModel
 
 from redres_ros import (
-    LAWS,
     Controller,
     RobotModel,
     load_task,
@@ -18,7 +17,6 @@ from redres_ros import (
 )
 from redres_ros.errors import ArrayError
 from redres_ros.fake_robot.plant import MujocoPlant
-from redres_ros.resolution import resolve
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.joint_limits import JointLimits
@@ -27,7 +25,6 @@ from redres_ros.simulation.closed_loop import run
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 T = 0.004  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
-EVERY_LAW = pytest.mark.parametrize('law', sorted(LAWS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
@@ -94,31 +91,6 @@ def test_the_simulated_arm_stands_at_its_start(name):
         plant.step(start)
     # Gravity is compensated within the effort limits: what is left is rounding.
     assert np.abs(plant.q - start).max() < 1e-9
-
-
-# --- laws -----------------------------------------------------------------------------------------
-
-
-@EVERY_ARM
-@EVERY_LAW
-def test_every_law_executes_the_task_and_is_optimal(name, law):
-    law = make_law(law)
-    model = RobotModel.named(name)
-    random = np.random.default_rng(0)
-    for _ in range(50):
-        q = np.array(ARMS[name].start) + random.uniform(-0.3, 0.3, model.n)
-        state = model.state(q, random.normal(0.0, 0.5, model.n))
-        J = state.J[:3]
-        dx = J @ random.normal(0.0, 0.5, model.n)  # in its plane, of a planar arm
-        weight = law.weight(state)
-        b = law.bias(state, T)
-        dq = resolve(J, dx, b, weight)
-        # Rounding of 1e-16 grows with the condition of W, up to 1e9 of the squared inertia matrix.
-        assert np.abs(J @ dq - dx).max() < 1e-6 * np.abs(dq).max()
-        rank = np.linalg.matrix_rank(J, tol=1e-9)
-        Z = np.linalg.svd(J)[2][rank:].T  # (n, n - rank), the null space
-        gradient = dq - b if weight is None else np.asarray(weight) @ (dq - b)  # (n,)
-        assert np.abs(Z.T @ gradient).max() < 1e-6 * max(np.abs(gradient).max(), 1.0)
 
 
 # --- limits ---------------------------------------------------------------------------------------
@@ -209,9 +181,6 @@ def test_figures_for_other_joints_are_refused_by_name():
     arm = replace(ARMS['planar4r'], rotor_inertia=(1.0, 2.0))
     with pytest.raises(ArrayError, match=r'rotor_inertia has 2 values; .*: joint_1, joint_2'):
         RobotModel(arm)
-
-
-# --- a planar arm and a task of three coordinates -------------------------------------------------
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -44,10 +44,6 @@ def weight(law: Law, state: RobotState) -> np.ndarray:
     return np.eye(len(state.q)) if W is None else np.asarray(W)
 
 
-def same(got: np.ndarray, expected: np.ndarray) -> bool:
-    return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
-
-
 # --- every law ------------------------------------------------------------------------------------
 
 
@@ -140,29 +136,6 @@ def test_an_unknown_law_or_gain_is_refused_with_those_that_exist(law, gains, all
     with pytest.raises(UnknownNameError) as caught:
         make_law(law, **gains)
     assert tuple(caught.value.allowed) == allowed
-
-
-# --- the paper's formulas -------------------------------------------------------------------------
-
-
-def test_minimum_velocity_is_the_pseudoinverse(states):
-    for state in states:
-        assert same(
-            solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J[:3]) @ DX
-        )  # Eq. (2)
-
-
-@EVERY_DAMPING
-def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_velocity(
-    damping, states
-):
-    law = make_law('minimum_acceleration', damping=damping)
-    for state in states:
-        J_pinv = np.linalg.pinv(state.J[:3])
-        P = np.eye(7) - J_pinv @ state.J[:3]
-        assert same(
-            solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev
-        )  # Eq. (15), (23)
 
 
 # --- Appendix B: no task, so all of the last velocity is in the null space ------------------------

@@ -107,9 +107,6 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
             assert np.abs(got - array[row]).max() < AGREEMENT
 
 
-# --- the paper's dynamics -------------------------------------------------------------------------
-
-
 # --- the identified dynamics ----------------------------------------------------------------------
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from doubles import SpringLaw
-from scipy.linalg import null_space
 
 from redres_ros import Controller, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import UnknownNameError
@@ -28,11 +27,6 @@ DX = np.array((0.2, -0.1, 0.3))  # [m/s]
 ROUNDING = 1e-8
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
-TORQUE_NORM = {
-    'minimum_weighted_torque': -2,
-    'dynamically_consistent': -1,
-    'minimum_torque': 0,
-}  # power of M
 
 
 class Tick(NamedTuple):
@@ -70,17 +64,6 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 
 @EVERY_SCHEME
 @EVERY_DAMPING
-def test_the_task_acceleration_is_executed(name, damping, model, ticks):
-    scheme = Scheme(name, damping)
-    for tick in ticks:
-        ddq = scheme.acceleration(tick.state, tick.ddx, tick.dJ_dq)
-        assert np.linalg.norm(
-            tick.state.J[:3] @ ddq + tick.dJ_dq - tick.ddx
-        ) < ROUNDING * np.linalg.norm(ddq)  # Eq. (4)
-
-
-@EVERY_SCHEME
-@EVERY_DAMPING
 def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
     law = make_law(name, damping=damping)
     scheme = Scheme(name, damping)
@@ -96,34 +79,7 @@ def test_the_arm_is_at_rest_before_the_first_tick(name, model, task):
     assert command.J @ command.ddq == pytest.approx(DX / T, rel=ROUNDING)
 
 
-# --- optimality and the paper's other forms -------------------------------------------------------
-
-
-@EVERY_DAMPING
-def test_no_other_acceleration_is_nearer_to_the_preferred_one(damping, model, ticks):
-    scheme = Scheme('minimum_acceleration', damping)
-    for tick in ticks:
-        way = scheme.acceleration(tick.state, tick.ddx, tick.dJ_dq) + damping * tick.state.dq_prev
-        assert np.linalg.norm(null_space(tick.state.J[:3]).T @ way) < ROUNDING * np.linalg.norm(way)
-
-
-@pytest.mark.parametrize('name', TORQUE_NORM)
-@EVERY_DAMPING
-def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_scheme(
-    name, damping, ticks
-):
-    scheme = Scheme(name, damping)
-    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        # tau - tau_N, Eq. (34)
-        tau = state.M @ scheme.acceleration(state, ddx, dJ_dq) + state.n  # Eq. (6)
-        way = tau + damping * state.M @ state.dq_prev
-        others = state.M @ null_space(
-            state.J[:3]
-        )  # torques that leave the task alone: J M^-1 tau = 0, (n, n - m)
-        gradient = np.linalg.matrix_power(np.linalg.inv(state.M), -TORQUE_NORM[name]) @ way
-        assert np.linalg.norm(others.T @ gradient) < ROUNDING * np.linalg.norm(
-            others, 2
-        ) * np.linalg.norm(gradient)
+# --- any preference -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
