@@ -124,11 +124,11 @@ def start(node: str, rate: float) -> subprocess.Popen[bytes]:
     """A node in a process of its own."""
     if node == 'echo':
         return subprocess.Popen([sys.executable, __file__, '--echo'])
-    name, *arguments = node.split()
+    arguments = node.split()
     parameters = ['--ros-args', '-p', f'rate:={rate}']
-    if name != 'controller':
+    if node != 'controller':
         parameters += ['-p', 'autostart:=true']
-    module = f'redres_ros.nodes.{name}'
+    module = 'redres_ros.nodes.entry'
     return subprocess.Popen([sys.executable, '-m', module, *arguments, *parameters])
 
 

@@ -59,4 +59,3 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
         assert spinner.wait(event, PATIENCE)
         assert time.monotonic() - begun < PATIENCE / 2.0
         spinner.close()
-        node.destroy_node()

@@ -198,9 +198,8 @@ def test_lockstep_alone_runs_a_task_and_nothing_is_wrong() -> None:
 def test_only_the_fake_robot_needs_mujoco_and_says_how_to_get_it(name: str) -> None:
     program = (
         "import sys; sys.modules['mujoco'] = None\n"
-        'from redres_ros.nodes import entry\n'
-        f"entry.{name}.__globals__['sys'].argv[1:] = ['--ros-args', '-p', 'rate:=no']\n"
-        f'sys.exit(entry.{name}())'
+        'from redres_ros.nodes.entry import run_node\n'
+        f"sys.exit(run_node('{name}', ['--ros-args', '-p', 'rate:=no']))"
     )
     with own_domain():
         done = subprocess.run(

@@ -21,7 +21,7 @@ from redres_ros.controller import Controller
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.laws import make_law
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.nodes import controller, planner, sim
+from redres_ros.nodes.entry import run_node
 from redres_ros.nodes.runtime import own_domain
 from redres_ros.robot_model import RobotModel
 
@@ -35,7 +35,6 @@ SECURED = {  # what somebody sets who wants keys, or no graph at all
     'ROS_SECURITY_STRATEGY': 'Enforce',
     'ROS_SECURITY_KEYSTORE': '/no/keys',
 }
-MAINS = {'controller': controller.main, 'planner': planner.main, 'sim': sim.main}
 BAD_STARTS = [  # node, parameter, words that its one line must hold
     ('controller', 'law:=no_such_law', ('no_such_law', 'minimum_acceleration')),
     ('controller', 'damping:=600.0', ('600', '0 to 500')),
@@ -84,7 +83,7 @@ def test_a_node_that_cannot_start_says_why_in_one_line(
     as_it_was: None,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    assert MAINS[node](['--ros-args', '-p', parameter]) == 1
+    assert run_node(node, ['--ros-args', '-p', parameter]) == 1
     assert_one_line(capfd.readouterr().err, words)
 
 
@@ -96,7 +95,7 @@ def test_a_domain_that_does_not_exist_is_refused(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
-    assert planner.main([]) == 1
+    assert run_node('planner', []) == 1
     assert_one_line(capfd.readouterr().err, ('ROS_DOMAIN_ID', domain, '0 to 232'))
 
 
@@ -107,7 +106,7 @@ def test_a_domain_that_does_not_exist_is_refused(
 def test_a_process_of_a_node_that_cannot_start_ends_with_a_status_and_one_line(
     environment: dict[str, str], words: tuple[str, ...]
 ) -> None:
-    command = [sys.executable, '-m', 'redres_ros.nodes.planner']
+    command = [sys.executable, '-m', 'redres_ros.nodes.entry', 'planner']
     done = subprocess.run(
         command,
         text=True,

@@ -42,7 +42,7 @@ def robot(namespace: str, arm: str, log: Path) -> Iterator[None]:
         words += ['-p', f'{name}:={value}']
     with log.open('w') as output:
         process = subprocess.Popen(
-            [sys.executable, '-m', 'redres_ros.nodes.composed', '--ros-args', *words],
+            [sys.executable, '-m', 'redres_ros.nodes.entry', 'composed', '--ros-args', *words],
             stdout=output,
             stderr=subprocess.STDOUT,
             env={**os.environ, 'REDRES_PARENT': str(os.getpid())},

@@ -25,7 +25,7 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: The executable in nodes/, or a module of the package, such as 'view.page'; its own
+        name: An executable of nodes/, or a module of the package, such as 'view.page'; its own
             options may follow, as in 'composed --no-sim'.
         log: File for what it prints.
         parameters: Parameters of the node.
@@ -34,8 +34,7 @@ class NodeProcess:
     def __init__(self, name: str, log: Path, parameters: Mapping[str, Any]) -> None:
         self.name = name
         self._log = log
-        node, *own = name.split()
-        module = f'redres_ros.{node}' if '.' in node else f'redres_ros.nodes.{node}'
+        module, *own = name.split() if '.' in name else ['nodes.entry', *name.split()]
         arguments = []
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']
@@ -44,7 +43,15 @@ class NodeProcess:
         path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-P', '-m', module, *own, '--ros-args', *arguments],
+                [
+                    sys.executable,
+                    '-P',
+                    '-m',
+                    f'redres_ros.{module}',
+                    *own,
+                    '--ros-args',
+                    *arguments,
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

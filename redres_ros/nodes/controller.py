@@ -1,6 +1,5 @@
 """Node `controller`: one joint_states message in, one joint_command out."""
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -49,7 +48,6 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import PolicyParameters, declare_robot
-from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT, STEADY, LatchedWords
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
@@ -304,12 +302,3 @@ class ControllerNode(ManagedNode):
         if warning := loop.limit_warning or loop.measurements.problem or self._policy.problem:
             return Health(WARN, warning, values)
         return Health(OK, loop.mode.value, values)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Console entry point."""
-    return run_nodes(ControllerNode, arguments=arguments)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The executables. Each loads its node in here: help needs no ROS, and Ctrl-C ends it quietly."""
+"""The executables. Each loads its nodes in here: help needs no ROS, and Ctrl-C ends it quietly."""
 
 import sys
 from functools import partial
@@ -9,6 +9,7 @@ from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.installation import not_installed
 
 _ROS = '--ros-args'
+_NO_SIM = '--no-sim'
 _PURPOSES = {
     'composed': 'The nodes sim, controller and planner in one process; with --no-sim a robot is '
     'in place of the sim.',
@@ -16,28 +17,34 @@ _PURPOSES = {
     'planner': "Streams a task's velocities, one cartesian_velocity for each joint_states.",
     'sim': 'A fake robot controller with a simulated arm. It is the clock of the graph.',
 }
-_OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
+_NODES = {  # modules and classes
+    'composed': ['sim.SimNode', 'controller.ControllerNode', 'planner.PlannerNode'],
+    'controller': ['controller.ControllerNode'],
+    'planner': ['planner.WaitingPlannerNode'],
+    'sim': ['sim.SimNode'],
+}
 
 
 def run_node(name: str, arguments: list[str] | None = None) -> int:
-    """Run the node of a module until it ends. Without arguments it gets those of this process.
+    """Run an executable until it ends. Without arguments it gets those of this process.
 
     Returns the exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C
-    before the node began.
+    before the nodes began.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    options = _OPTIONS.get(name, ())
+    nodes = list(_NODES[name])
     try:
         if {'-h', '--help'} & set(arguments):
-            print(_help(name, options), flush=True)
+            print(_help(name), flush=True)
             return 0
-        for word in takewhile(lambda word: word != _ROS, arguments):
-            if word not in options:
-                remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
-                print(f'redres_{name}: got {word!r}; {remedy}', file=sys.stderr)
-                return 2
-        status: int = import_module(f'redres_ros.nodes.{name}').main()
-        return status
+        own = list(takewhile(lambda word: word != _ROS, arguments))
+        if name == 'composed' and own == [_NO_SIM]:
+            del own[0], nodes[0]
+        if own:
+            remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
+            print(f'redres_{name}: got {own[0]!r}; {remedy}', file=sys.stderr)
+            return 2
+        return _run(nodes, arguments)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone
@@ -57,10 +64,20 @@ planner = partial(run_node, 'planner')
 sim = partial(run_node, 'sim')
 
 
-def _help(name: str, options: tuple[str, ...]) -> str:
+def _run(nodes: list[str], arguments: list[str]) -> int:
+    from redres_ros.nodes.runtime import run_nodes
+
+    makes = []
+    for node in nodes:
+        module, _, cls = node.partition('.')
+        makes.append(getattr(import_module(f'redres_ros.nodes.{module}'), cls))
+    return run_nodes(*makes, arguments=arguments)
+
+
+def _help(name: str) -> str:
     from redres_ros.files.installation import share_path
 
-    called = ' '.join([f'redres_{name}', *(f'[{option}]' for option in options)])
+    called = f'redres_{name} [{_NO_SIM}]' if name == 'composed' else f'redres_{name}'
     return f"""\
 usage: {called} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
 
@@ -68,3 +85,9 @@ usage: {called} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:
 
 The common parameters, with defaults and units: {share_path('config/redres.yaml')}
 What is allowed for one of a running node: ros2 param describe /{name} PARAMETER"""
+
+
+if __name__ == '__main__':  # without scripts: python -m redres_ros.nodes.entry NAME
+    name = sys.argv.pop(1)
+    sys.argv[0] = f'redres_{name}'  # which begins the line of an error
+    sys.exit(run_node(name))

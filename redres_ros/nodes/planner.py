@@ -1,6 +1,5 @@
 """Node `planner`: streams a task's velocities, one cartesian_velocity for each joint_states."""
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,7 +35,6 @@ from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import show_traces
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
-from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, LatchedWords, Telemetry
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings, check_age
@@ -326,12 +324,3 @@ class WaitingPlannerNode(PlannerNode):
         if not self._settings.lockstep:
             time.sleep(_HEADSTART * self._T)
         super()._on_state(message)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Console entry point."""
-    return run_nodes(WaitingPlannerNode, arguments=arguments)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

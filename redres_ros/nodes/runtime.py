@@ -8,7 +8,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
@@ -65,10 +65,11 @@ class Spinner:
     call, so what is called in every cycle is spin_once with a timeout.
     """
 
-    def __init__(self, nodes: Iterable[Node], stopped: threading.Event) -> None:
+    def __init__(self, nodes: Sequence[Node], stopped: threading.Event) -> None:
         self._executor = EventsExecutor()
         self._never = Future()
         self._stopped = stopped
+        self._nodes = nodes
         for node in nodes:
             self._executor.add_node(node)
 
@@ -106,8 +107,10 @@ class Spinner:
         return event.is_set()
 
     def close(self) -> None:
-        """Release the executor; spin() must have returned."""
+        """Release the executor and its nodes; spin() must have returned."""
         self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
 
 
 @contextmanager
@@ -203,7 +206,7 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
             with spinner.in_thread():
                 yield node
         finally:
-            _release(spinner, [node])
+            spinner.close()
     finally:
         rclpy.try_shutdown()
 
@@ -271,10 +274,4 @@ def _spin(nodes: list[Node], stopped: threading.Event) -> None:
         for node in nodes:
             if hasattr(node, 'close'):
                 node.close()
-        _release(spinner, nodes)
-
-
-def _release(spinner: Spinner, nodes: Iterable[Node]) -> None:
-    spinner.close()
-    for node in nodes:
-        node.destroy_node()
+        spinner.close()

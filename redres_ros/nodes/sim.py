@@ -1,7 +1,6 @@
 """Node `sim`: a fake robot controller with a simulated arm. It is the clock of the graph."""
 
 import math
-import sys
 import threading
 import time
 from dataclasses import asdict, dataclass, replace
@@ -33,7 +32,7 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import declare_robot
-from redres_ros.nodes.runtime import Spinner, run_nodes
+from redres_ros.nodes.runtime import Spinner
 from redres_ros.nodes.topics import (
     LATCHED,
     NEWEST,
@@ -314,12 +313,3 @@ class SimNode(ManagedNode):
 
 def _stamp(message: JointState) -> Nanoseconds:
     return to_nanoseconds(message.header.stamp)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Console entry point."""
-    return run_nodes(SimNode, arguments=arguments)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
