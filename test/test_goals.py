@@ -230,17 +230,6 @@ def test_a_hold_ends_a_target_on_its_way(run: VirtualRun) -> None:
     assert_nothing_moves(run)
 
 
-def test_a_hold_pauses_a_task_on_its_way(run: VirtualRun) -> None:
-    assert run.graph.call('planner/start').success
-    run.run(1.0)
-    run.graph.call('controller/hold', data=True)
-    run.run(3.0)
-    assert state(run) is TaskState.WAITING
-    run.graph.call('controller/hold', data=False)
-    run.run(0.5)
-    assert state(run) is TaskState.MOVING
-
-
 @pytest.mark.parametrize(('seconds', 'goes_on'), [(1.0, True), (3.0, False)])
 def test_a_stop_of_the_robot_ends_a_task_that_waits_longer_than_resume_within(
     run: VirtualRun, seconds: float, goes_on: bool

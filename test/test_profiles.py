@@ -1,97 +1,53 @@
-"""Profiles of a session: every event in every state of each, and whatever happens in a session."""
+"""Profiles of a session: a life in each, and whatever happens in a session."""
 
 import math
+from itertools import groupby
 
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from redres_ros.fake_robot.profile import PROFILES, Event, Profile
+from redres_ros.fake_robot.profile import PROFILES, Event
 from redres_ros.fake_robot.session import Session, SessionSettings
 
 T = 0.002  # [s]
-EACH = pytest.mark.parametrize('profile', PROFILES.values(), ids=list(PROFILES))
-
-# The state to which each event leads from each state, all of them: rows are events, columns states.
-TABLES = {
-    'lwr_fri1': """
-                 MON CMD
-SILENCE          MON MON
-POOR_TIMING      MON CMD
-GOOD_TIMING      MON CMD
-LONG_GOOD_TIMING MON CMD
-FIRST_COMMAND    CMD CMD
-FAULT            MON MON
-RESET            MON MON
-""",
-    'sunrise': """
-                 IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_WAIT   COMMANDING_ACTIVE
-SILENCE          IDLE            IDLE             IDLE             IDLE              IDLE
-POOR_TIMING      MONITORING_WAIT MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
-GOOD_TIMING      MONITORING_WAIT MONITORING_READY MONITORING_READY COMMANDING_WAIT   COMMANDING_ACTIVE
-LONG_GOOD_TIMING MONITORING_WAIT MONITORING_READY COMMANDING_WAIT  COMMANDING_WAIT   COMMANDING_ACTIVE
-FIRST_COMMAND    IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_ACTIVE COMMANDING_ACTIVE
-FAULT            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
-RESET            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
-""",  # noqa: E501
-    'fci': """
-                 IDLE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
-SILENCE          IDLE   REFLEX REFLEX                   IDLE
-POOR_TIMING      IDLE   MOVE   REFLEX                   IDLE
-GOOD_TIMING      IDLE   MOVE   REFLEX                   IDLE
-LONG_GOOD_TIMING IDLE   MOVE   REFLEX                   IDLE
-FIRST_COMMAND    MOVE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
-FAULT            REFLEX REFLEX REFLEX                   REFLEX
-RESET            IDLE   IDLE   AUTOMATIC_ERROR_RECOVERY AUTOMATIC_ERROR_RECOVERY
-""",
-}  # a table is best read in one piece
 
 
-def read(table: str) -> dict[tuple[str, Event], str]:
-    head, *rows = [line.split() for line in table.strip().splitlines()]
-    return {
-        (state, Event[row[0]]): after
-        for row in rows
-        for state, after in zip(head, row[1:], strict=True)
-    }
+LIFE = [*[3] * 50, *[0] * 300, *[None] * 200, *[0] * 300]  # late, in time, silent, in time
+LIFE += ['reset', *[None] * 200, *[3] * 50, *[0] * 300, 'stop', 'reset', 'stop']
+WAITING = 'MONITORING_WAIT MONITORING_READY'
+OPENING = f'{WAITING} COMMANDING_WAIT COMMANDING_ACTIVE'
+STATES = {
+    'lwr_fri1': 'MON CMD MON CMD MON',
+    'fci': 'IDLE MOVE REFLEX AUTOMATIC_ERROR_RECOVERY IDLE MOVE REFLEX '
+    'AUTOMATIC_ERROR_RECOVERY REFLEX',
+    'sunrise': f'IDLE {OPENING} {WAITING} MONITORING_WAIT IDLE {WAITING} {WAITING} '
+    f'MONITORING_WAIT IDLE {OPENING} MONITORING_WAIT',
+}
 
 
-@EACH
-def test_every_event_leads_from_every_state_where_the_table_says(profile):
-    table = read(TABLES[profile.name])
-    assert set(table) == {(state, event) for state in profile.transitions for event in Event}
-    for (state, event), after in table.items():
-        assert profile.after(state, event) == after
-
-
-def lives_through(profile: Profile, latenesses: list[int | None]) -> list[str]:
-    """The states of a session, each once in a row, while commands are offered where the arm is."""
-    session = Session(T, SessionSettings(profile=profile.name, monitor_time=0.1))
+@pytest.mark.parametrize('name', STATES)
+def test_a_client_goes_through_the_states_of_its_profile(name: str) -> None:
+    session = Session(T, SessionSettings(profile=name, monitor_time=0.1))
     seen = [session.state]
-    for lateness in latenesses:
-        session.record(lateness)
+    for cycle in LIFE:
+        if cycle == 'reset':
+            session.reset()
+        elif cycle == 'stop':
+            session.stop('for the test')
+        else:
+            session.record(cycle)
         seen.append(session.state)
         session.offer(0.0)
         seen.append(session.state)
-    return [state for k, state in enumerate(seen) if k == 0 or state != seen[k - 1]]
+    assert [state for state, _ in groupby(seen)] == STATES[name].split()
 
 
-def test_a_client_that_is_late_at_first_then_in_time_and_then_silent_sees_these_states():
-    latenesses = [3] * 50 + [0] * 300 + [None] * 200
-    assert lives_through(PROFILES['lwr_fri1'], latenesses) == ['MON', 'CMD', 'MON']
-    assert lives_through(PROFILES['fci'], latenesses) == ['IDLE', 'MOVE', 'REFLEX']
-    assert lives_through(PROFILES['sunrise'], latenesses) == [
-        'IDLE',
-        'MONITORING_WAIT',
-        'MONITORING_READY',
-        'COMMANDING_WAIT',
-        'COMMANDING_ACTIVE',
-        'MONITORING_WAIT',
-        'MONITORING_READY',
-        'MONITORING_WAIT',
-        'IDLE',
-    ]
+def test_poor_timing_leads_a_session_of_sunrise_to_its_first_monitoring_state() -> None:
+    sunrise = PROFILES['sunrise']
+    after = {sunrise.after(state, Event.POOR_TIMING) for state in sunrise.transitions}
+    assert after == {'MONITORING_WAIT'}
 
 
 class AnySession(RuleBasedStateMachine):
