@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from contact_scenes import elbow_direction
 
-from redres_ros.contact import Admittance, AdmittanceSettings
+from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.controller import Controller
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.laws import make_law
@@ -72,15 +72,15 @@ def by_velocity(law: str, settings: AdmittanceSettings, force: Force) -> np.ndar
     arm = Arm()
     plant = IdealPlant(arm.model.joint_names, T, arm.q0)
     controller = Controller(arm.model, make_law(law, damping=DAMPING), T, preferences=(COMPLIANCE,))
-    admittance = Admittance(settings, T)
+    contact = ContactControl(settings, T)
     rows = []
     for k in range(round(LASTS / T)):
         state = arm.state(k * T, plant.q, np.zeros(arm.model.n))
         f = force(k * T, state.x - arm.x0)
         controller.measurements = state.measurements
-        wrench = np.append(f, np.zeros(3))
-        command = controller.update(plant.q, admittance.rate(wrench, state))
-        admittance.record(command, np.zeros(3))
+        contact.sensor.enter(np.append(state.R.T @ f, np.zeros(3)))
+        command = controller.update(plant.q, contact.velocity(np.zeros(3), state))
+        contact.record(command, np.zeros(3))
         rows.append(command.dq)
         plant.step(command.q_ref)
     return np.array(rows)

@@ -124,84 +124,6 @@ class AdmittanceSettings:
         return state.rotation('' if self.frame == TIP else self.frame)
 
 
-class Admittance:
-    """dx = dx_d + de, with M dde + D de + K e = f - f_d in each direction of a frame, e = x - x_d.
-
-    Implicit Euler, stable for every mass, also none:
-
-        de_k = (M/T + D + K T)^-1 (M/T de_{k-1} + f - f_d - K e_{k-1})
-
-    K > 0, f_d = 0 is an impedance; K = 0, f_d not 0 controls the force in that direction. Changes
-    of the settings, on and off, are faded over the switch time [s]: none is a jump.
-    """
-
-    def __init__(
-        self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
-    ) -> None:
-        self.T = T
-        self.switch_time = switch_time
-        self.settings = settings  # the requested ones; during a fade they wait for its end
-        self.restart()
-
-    def restart(self) -> None:
-        """Restart from rest, at x = x_d; the admittance is faded in again."""
-        self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
-        self._new: AdmittanceSettings | None = None
-        self._faded = 1.0  # fraction of the fade that is over
-        m = len(self.settings.damping)
-        self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
-        self.de = np.zeros(m)  # its velocity in the last tick, (m,)
-
-    @property
-    def is_on(self) -> bool:
-        """Whether it acts, or will."""
-        return self.settings.enabled or self._new is not None or self._old is not None
-
-    def rate(self, wrench: Wrench, state: RobotState) -> TaskVelocity:
-        """de of this tick in the base frame, for the wrench that the environment exerts on the tip,
-        in the axes of the base.
-        """
-        self._advance()
-        new = self._rate_of(self._new, wrench, state)
-        if self._faded >= 1.0:
-            return new
-        c, _ = quintic(self._faded)
-        return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
-
-    def record(self, command: Command, dx: TaskVelocity) -> None:
-        """Record what was executed of the desired dx_d and of de: limits may have slowed it."""
-        if not self.is_on:
-            self.e = np.zeros(len(self.e))
-            return
-        executed = command.J @ command.dq
-        desired = command.s * dx
-        self.de = executed - desired
-        e = self.e + self.T * self.de
-        if len(e) > 3:  # turns about different axes are composed: their vectors do not add up
-            R = rotation_matrix(self.T * executed[3:]) @ rotation_matrix(self.e[3:])
-            e[3:] = pin.log3(R @ rotation_matrix(-self.T * desired[3:]))
-        self.e = e
-
-    def _advance(self) -> None:
-        """Advance a fade by one cycle; begin one if other settings are asked for."""
-        if self._faded >= 1.0:
-            self._old = None
-            desired = self.settings if self.settings.enabled else None
-            if desired == self._new:
-                return
-            self._old = self._new
-            self._new = desired
-            self._faded = 0.0
-        self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
-
-    def _rate_of(
-        self, settings: AdmittanceSettings | None, wrench: Wrench, state: RobotState
-    ) -> TaskVelocity:
-        if settings is None:  # off
-            return np.zeros(len(self.e))
-        return settings.rate(wrench, self.e, self.de, self.T, state)
-
-
 class ContactError(RedresError):
     """A contact that has gone wrong: the arm is to hold."""
 
@@ -279,8 +201,16 @@ class _ForceSensor:
         self._bias = mean
 
 
-class ContactControl(Admittance):
-    """Admittance with its force sensor, and reactions to faults of contact.
+class ContactControl:
+    """Admittance with its force sensor, and reactions to faults of contact: dx = dx_d + de, with
+    M dde + D de + K e = f - f_d in each direction of a frame, e = x - x_d.
+
+    Implicit Euler, stable for every mass, also none:
+
+        de_k = (M/T + D + K T)^-1 (M/T de_{k-1} + f - f_d - K e_{k-1})
+
+    K > 0, f_d = 0 is an impedance; K = 0, f_d not 0 controls the force in that direction. Changes
+    of the settings, on and off, are faded over the switch time [s]: none is a jump.
 
     In a closed loop:
 
@@ -293,20 +223,29 @@ class ContactControl(Admittance):
     def __init__(
         self, settings: AdmittanceSettings, T: Seconds, *, switch_time: Seconds = 0.0
     ) -> None:
-        super().__init__(settings, T, switch_time=switch_time)
+        self.T = T
+        self.switch_time = switch_time
+        self.settings = settings  # the requested ones; during a fade they wait for its end
         self.sensor = _ForceSensor(settings.wrench_timeout, T)
         self.force = np.zeros(3)  # on the tip at the last tick, in the base frame, (3,) [N]
+        self.restart()
 
-    @property
-    def moves(self) -> bool:
-        """Whether the last tick yielded to something, or retreated."""
-        yields = bool((np.abs(self.de) > _AT_REST).any())
-        return self.is_on and (self.retreats or yields)
-
-    @property
-    def retreats(self) -> bool:
-        """Whether the tip retreats."""
-        return self._retreat is not None
+    def restart(self) -> None:
+        """Restart from rest, where the arm is, at x = x_d; the admittance is faded in again."""
+        self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
+        self._new: AdmittanceSettings | None = None  # that are faded in, or in force
+        self._faded = 1.0  # fraction of the fade that is over
+        m = len(self.settings.damping)
+        self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
+        self.de = np.zeros(m)  # its velocity in the last tick, (m,)
+        self.warning = ''  # the reason of a retreat, and of the stop that follows
+        self._retreat: np.ndarray | None = None  # direction, (3,)
+        self._end = 0.0  # [m] along it
+        self._turn = np.inf  # [m] along it, where the tip has turned round
+        self._first = 0.0  # [N], the force there
+        self._ticks = 0  # of the retreat
+        self._searched = 0.0  # [m]
+        self._toward = np.zeros(3)  # direction of a search under way, (3,)
 
     def set_settings(self, settings: AdmittanceSettings) -> None:
         """Go over to other settings, without a jump. Raises ArrayError for some that do not suit
@@ -318,17 +257,21 @@ class ContactControl(Admittance):
         self.settings = settings
         self.sensor.timeout = settings.wrench_timeout
 
-    def restart(self) -> None:
-        """Restart from rest, where the arm is."""
-        super().restart()
-        self.warning = ''  # the reason of a retreat, and of the stop that follows
-        self._searched = 0.0  # [m]
-        self._retreat: np.ndarray | None = None  # direction, (3,)
-        self._end = 0.0  # [m] along it
-        self._turn = np.inf  # [m] along it, where the tip has turned round
-        self._first = 0.0  # [N], the force there
-        self._ticks = 0  # of the retreat
-        self._toward = np.zeros(3)  # direction of a search under way, (3,)
+    @property
+    def is_on(self) -> bool:
+        """Whether it acts, or will."""
+        return self.settings.enabled or self._new is not None or self._old is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the last tick yielded to something, or retreated."""
+        yields = bool((np.abs(self.de) > _AT_REST).any())
+        return self.is_on and (self.retreats or yields)
+
+    @property
+    def retreats(self) -> bool:
+        """Whether the tip retreats."""
+        return self._retreat is not None
 
     def velocity(self, dx: TaskVelocity, state: RobotState, missed: Cycles = 0) -> TaskVelocity:
         """The task velocity dx_d + de, or that of a retreat; then call record().
@@ -350,15 +293,26 @@ class ContactControl(Admittance):
             self._end = float(state.x @ self._retreat) + _RETREAT_DISTANCE
         if self._retreat is not None:
             return self._retreating(self._retreat, state, len(dx))
-        rate = self.rate(wrench, state)
+        rate = self._rate(wrench, state)
         self._bound_search(rate, state)
         return dx + rate
 
     def record(self, command: Command, dx: TaskVelocity) -> None:
-        """Record what was executed of the desired velocity dx_d and of what was added to it."""
-        super().record(command, dx)
-        moved = self.T * (command.J @ command.dq)[:3]
-        self._searched += float(moved @ self._toward)
+        """Record what was executed of the desired velocity dx_d and of what was added to it: limits
+        may have slowed it.
+        """
+        if not self.is_on:
+            self.e = np.zeros(len(self.e))
+            return
+        executed = command.J @ command.dq
+        desired = command.s * dx
+        self.de = executed - desired
+        e = self.e + self.T * self.de
+        if len(e) > 3:  # turns about different axes are composed: their vectors do not add up
+            R = rotation_matrix(self.T * executed[3:]) @ rotation_matrix(self.e[3:])
+            e[3:] = pin.log3(R @ rotation_matrix(-self.T * desired[3:]))
+        self.e = e
+        self._searched += self.T * float(executed[:3] @ self._toward)
 
     def asks(self, state: RobotState, missed: Cycles = 0) -> bool:
         """Whether an arm that is at rest is to move: a wrench or a desired force asks for it.
@@ -374,8 +328,31 @@ class ContactControl(Admittance):
         self.de = np.zeros(len(self.de))
         wrench = self.sensor.at_tip(state)
         self.force = wrench[:3]
-        rate = self.rate(wrench, state)
+        rate = self._rate(wrench, state)
         return self._exceeds_limit() or bool((np.abs(rate) > _AT_REST).any())
+
+    def _rate(self, wrench: Wrench, state: RobotState) -> TaskVelocity:
+        """de of this tick for a wrench, both in the base frame; a fade advances by one cycle, or
+        begins if other settings are asked for.
+        """
+        if self._faded >= 1.0:
+            self._old = self._new
+            self._new = self.settings if self.settings.enabled else None
+            self._faded = float(self._new == self._old)
+        if self._faded < 1.0:
+            self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
+        new = self._rate_of(self._new, wrench, state)
+        if self._faded >= 1.0:
+            return new
+        c, _ = quintic(self._faded)
+        return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
+
+    def _rate_of(
+        self, settings: AdmittanceSettings | None, wrench: Wrench, state: RobotState
+    ) -> TaskVelocity:
+        if settings is None:  # off
+            return np.zeros(len(self.e))
+        return settings.rate(wrench, self.e, self.de, self.T, state)
 
     def _exceeds_limit(self) -> bool:
         """Whether the force is above its limit; then the warning says so."""
