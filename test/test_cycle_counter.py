@@ -1,6 +1,7 @@
 """Stamps of a robot's states, counted as cycles: perfect, jittering, drifting, set, reordered."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -113,6 +114,16 @@ def test_states_at_twice_the_rate_are_refused_with_both_figures() -> None:
     assert 40 < len(refused) < 50
     assert '1 ms' in refused[0] and '2 ms' in refused[0] and '500 Hz' in refused[0]
     assert cycles.number <= 60  # nor does the arm move twice as fast
+
+
+@pytest.mark.parametrize('apart', [25_000, 400_000, 1_800_000])
+def test_states_that_two_nodes_publish_are_reported_as_such(apart: int) -> None:
+    cycles = CycleCounter(T)
+    for k in range(300):
+        for stamp in (EPOCH + k * T, EPOCH + k * T + apart):
+            with suppress(ClockError):
+                cycles.enter(stamp, stamp * 1e-9)
+        assert k < 120 or 'two nodes publish the joints of this arm' in cycles.rate_error
 
 
 def test_a_stamp_is_of_the_cycle_whose_state_has_it_or_of_the_nearest() -> None:

@@ -114,6 +114,13 @@ def controlled(**changed: Any) -> GraphSnapshot:
     return replace(GOOD, controller=parameters_with(**changed))
 
 
+def with_another(names: tuple[str, ...]) -> GraphSnapshot:
+    """The good graph, with a second broadcaster 25 us after the first one."""
+    other = states(stamp=lambda k: BEGIN + k * T + 25_000, names=names)
+    both = sorted([*GOOD.states, *other], key=lambda state: state.stamp)
+    return good(states=both, publishers={**GOOD.publishers, STATES: ['/fingers', '/robot']})
+
+
 WITH_RIVAL = {**GOOD.publishers, FORWARD: ['/gui']}
 WITH_TWO_SOURCES = {**GOOD.publishers, TWISTS: ['/planner', '/view']}
 
@@ -125,6 +132,7 @@ def late_in_ten(k: int) -> int:
 FAULTS = [  # what is seen, subject of the fault, words in it
     (good(publishers={}, states=[]), 'states', 'joint_states has no publisher'),
     (good(states=[]), 'states', 'none came'),
+    (with_another(NAMES), 'states', 'come twice, from /fingers, /robot; only one may'),
     (controlled(rate=100.0), 'rate', '500 states a second; expected 100'),
     (good(states=states(stamp=lambda k: 0)), 'stamps', 'without a stamp'),
     (good(states=states(stamp=late_in_ten)), 'jitter', '% of a period'),
@@ -160,6 +168,7 @@ NOTES = [
     (good(states=states(lambda k: (2.9, *ARM.start[1:]))), 'positions', 'near an end'),
     (controlled(limit_scale=1.0), 'controller', 'limit_scale is 1'),
     (good(publishers=WITH_TWO_SOURCES), 'task', '/planner, /view publish'),
+    (with_another(('left', 'right')), 'states', '/fingers, /robot publish joint_states; only one'),
     (good(words={SESSION: 'MON'}), 'session', 'takes no commands yet: MON'),
     (behind(forward_states={}), 'forwarding', 'no controller_manager reports'),
     (good(states=states(stamp=lambda k: 10**12 + k * T)), 'clock', "from this computer's"),
@@ -181,6 +190,10 @@ def test_jitter_of_less_than_half_a_period_is_tolerated_and_reported() -> None:
     verdict = beyond('jitter', seen)
     assert verdict.level is Level.OK
     assert 30.0 < float(verdict.text.split(' by ')[1].split(' %')[0]) < 50.0
+
+
+def test_states_of_a_second_broadcaster_without_joints_of_the_arm_are_not_counted() -> None:
+    assert beyond('rate', with_another(('left', 'right'))).text == '500 states a second'
 
 
 def test_a_gripper_among_the_joints_is_ignored() -> None:

@@ -1,5 +1,6 @@
 """Assigns states to cycles of the robot, by stamps that jitter, drift and may be set."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 from redres_ros.errors import RedresError
@@ -25,6 +26,10 @@ _INTERVALS = 15
 _JUDGED = NANOSECONDS // 5  # [ns]
 _SHORT = 0.2  # of these are one cycle, also where every other state gets lost
 _STEADY = (0.8, 1.25)  # of the period, within which an interval of one cycle has to be
+# Two publishers of a robot's states: their mean interval is shorter than this, of the period, and
+# one of five is longer than this, of the mean
+_DOUBLED = 0.67
+_UNEVEN = 1.3
 
 
 class ClockError(RedresError):
@@ -34,6 +39,15 @@ class ClockError(RedresError):
 def is_of_this_moment(stamp: Nanoseconds, time_of_day: Nanoseconds, tolerance: Seconds) -> bool:
     """Whether a message that arrived at a time of day was stamped on this computer just before."""
     return abs(time_of_day - stamp) <= tolerance * NANOSECONDS
+
+
+def are_of_two(stamps: Iterable[Nanoseconds], period: Nanoseconds) -> bool:
+    """Whether stamps, of which two differ, are of the states that two nodes publish of one arm."""
+    ordered = sorted(set(stamps))
+    intervals = sorted(after - before for before, after in pairwise(ordered))
+    mean = (ordered[-1] - ordered[0]) / len(intervals)
+    long = intervals[int((1.0 - _SHORT) * len(intervals))]
+    return mean < _DOUBLED * period and long > _UNEVEN * mean
 
 
 class CycleCounter:
@@ -50,7 +64,7 @@ class CycleCounter:
         newest: Stamp of the newest state; 0 before the first.
         arrived: When that came.
         woke: When a state came again after a gap.
-        rate_error: That the robot has another rate than expected, and which.
+        rate_error: That the robot has another rate than expected, or that two nodes publish it.
     """
 
     def __init__(self, period: Nanoseconds) -> None:
@@ -77,6 +91,7 @@ class CycleCounter:
         self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
         self._in_time = stamp  # of the newest state with about that delay [ns]
         self._numbers.clear()
+        self._unjudged.clear()
 
     @property
     def earliest_arrival(self) -> Seconds:
@@ -161,10 +176,17 @@ class CycleCounter:
     def _judge_rate(self) -> None:
         """Compare the intervals between states with the period: lost states make some longer."""
         intervals = sorted(after - before for before, after in pairwise(sorted(self._unjudged)))
+        doubled = are_of_two(self._unjudged, self.period)
         self._unjudged.clear()
         short = intervals[int(_SHORT * len(intervals))]
         usual = intervals[len(intervals) // 2]
         self.rate_error = ''
+        if doubled:
+            self.rate_error = (
+                'two nodes publish the joints of this arm on joint_states; only one may '
+                '(ros2 topic info -v joint_states)'
+            )
+            return
         if short > _STEADY[1] * self.period:
             usual = short
         elif usual >= _STEADY[0] * self.period or usual == 0:

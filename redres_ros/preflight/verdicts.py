@@ -1,6 +1,6 @@
 """What is missing before a connected arm may move: a verdict on each part of a snapshot."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +12,7 @@ import numpy as np
 
 from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
+from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter, are_of_two
 from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 from redres_ros.nodes.topics import MODE, REASON, SESSION
@@ -89,7 +89,6 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
         text = 'no controller runs and no --robot is named: joints and limits are not known'
         verdicts.append(_fault('arm', text))
     else:
-        verdicts += _judge_stamps(seen.states, expected.rate)
         verdicts += _judge_arm(seen, expected)
     return [*verdicts, *_judge_controller(seen), *_judge_commands(seen), *_judge_twists(seen)]
 
@@ -119,8 +118,8 @@ def _judge_session(seen: GraphSnapshot) -> _Verdicts:
         yield _ok('session', session)
 
 
-def _judge_stamps(states: list[StateSeen], rate: float) -> _Verdicts:
-    """Whether the states come in order at the expected rate [Hz]."""
+def _judge_stamps(states: list[StateSeen], rate: float, publishers: Sequence[str]) -> _Verdicts:
+    """Whether the states of the arm come in order at the expected rate [Hz]."""
     if not states:
         return
     stamps = np.array([state.stamp for state in states]) / 1e9  # [s]
@@ -130,6 +129,10 @@ def _judge_stamps(states: list[StateSeen], rate: float) -> _Verdicts:
     stamps = np.unique(stamps)  # a robot that waits for its response sends a state again
     if len(stamps) < _FEWEST:
         yield _fault('rate', f'only {len(stamps)} states came; too few to estimate the rate')
+        return
+    if are_of_two([state.stamp for state in states], round(NANOSECONDS / rate)):
+        names = ', '.join(publishers)
+        yield _fault('states', f'the joints of the arm come twice, from {names}; only one may')
         return
     period = float(np.median(np.diff(stamps)))  # [s]
     text = f'{1.0 / period:.4g} states a second'
@@ -182,7 +185,10 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
         return
     limits = JointLimits.of(arm)
     names = ', '.join(limits.joint_names)
-    yield from _judge_joints(seen.states, limits)
+    ours = [state for state in seen.states if set(limits.joint_names) & state.positions.keys()]
+    yield from _judge_stamps(ours, expected.rate, seen.publishers.get(STATES, ()))
+    if seen.states:
+        yield from _judge_joints((ours or seen.states)[-1].positions, limits)
     # Commands for ros2_control are numbers without names: the order must be the arm's.
     if seen.forward_joints:
         text = f'{FORWARD} has the joints {", ".join(seen.forward_joints)}'
@@ -191,17 +197,12 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
     yield from _judge_frames(seen, model)
 
 
-def _judge_joints(states: list[StateSeen], limits: JointLimits) -> _Verdicts:
+def _judge_joints(positions: Mapping[str, float], limits: JointLimits) -> _Verdicts:
     names = limits.joint_names
-    positions: Mapping[str, float] = {}
-    for state in states:  # other publishers may send other joints
-        if set(names) & state.positions.keys():
-            positions = state.positions
     missing = [name for name in names if name not in positions]
-    if not positions:
-        if states:
-            got = ', '.join(states[-1].positions)
-            yield _fault('joints', f'{STATES} holds {got}; expected {", ".join(names)}')
+    if len(missing) == len(names):
+        got = ', '.join(positions)
+        yield _fault('joints', f'{STATES} holds {got}; expected {", ".join(names)}')
     elif missing:
         yield _fault('joints', f'{STATES} lacks {", ".join(missing)}')
     else:
