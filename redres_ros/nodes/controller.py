@@ -93,10 +93,10 @@ class ControllerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('controller')
-        robot = declare_robot(self)
+        robot, arm = declare_robot(self)
         settings = declare(self, ControllerParameters())
         load_plugins(named(settings.plugins))
-        model = RobotModel(robot.arm)
+        model = RobotModel(arm)
         T = 1.0 / settings.rate
         self._policy = PolicyParameters(self, model, settings.task_space, T)
         loop_settings = declare(self, LoopSettings())
@@ -125,7 +125,7 @@ class ControllerNode(ManagedNode):
         self._telemetry = MotionTelemetry(self, frame, T)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
-        self._diagnostics = Diagnostics(self, robot.name, self._health)
+        self._diagnostics = Diagnostics(self, robot, self._health)
         show_obstacles(self, frame)
         take_workspace(self, frame, self._inputs)
         self._listen()

@@ -13,7 +13,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -76,22 +75,16 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
     Raises RedresError for a value of another type, none, or one that is not allowed.
     """
     initial = list(default) if isinstance(default, tuple) else default
-    of_any_type = ParameterDescriptor(dynamic_typing=True)
-    given = node.declare_parameter(name, initial, of_any_type)
-    node.undeclare_parameter(name)
     expected = RosParameter.Type.from_parameter_value(initial)
+    given = node._parameter_overrides.get(name, RosParameter(name, expected, initial))
     wanted = _as_type(given, expected)
     if wanted.type_ is not expected:
         got = 'nothing' if given.value is None else repr(given.value)
         raise ParameterError(f'{name} is {got}; allowed: {_allowed(default, parameter)}')
-    descriptor = _descriptor(default, parameter)
-    try:
-        value = node.declare_parameter(name, wanted.value, descriptor, ignore_override=True).value
-    except ParameterException:
-        allowed = _allowed(default, parameter)
-        raise ParameterError(f'{name} is {wanted.value!r}; allowed: {allowed}') from None
-    value = tuple(value) if isinstance(default, tuple) else value
+    value = tuple(wanted.value) if isinstance(default, tuple) else wanted.value
     check_value(name, value, parameter)
+    descriptor = _descriptor(default, parameter)
+    node.declare_parameter(name, wanted.value, descriptor, ignore_override=True)
     return value
 
 
@@ -186,15 +179,14 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
     )
     if parameter.choices:
         descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
-    if parameter.lower is None or parameter.upper is None:
+    lower = parameter.lower
+    upper = parameter.upper
+    if lower is None or upper is None:
         return descriptor
     if isinstance(default, float):
-        lower = float(parameter.lower)
-        upper = float(parameter.upper)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+        limits = FloatingPointRange(from_value=float(lower), to_value=float(upper))
+        descriptor.floating_point_range = [limits]
     elif isinstance(default, int):
-        lower = int(parameter.lower)
-        upper = int(parameter.upper)
         descriptor.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=1)]
     return descriptor
 

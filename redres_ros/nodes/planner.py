@@ -65,12 +65,12 @@ class PlannerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('planner')
-        self._robot = declare_robot(self, has_dynamics=False)
+        robot, arm = declare_robot(self, has_dynamics=False)
         settings = declare(self, _PlannerParameters())
         self._settings = settings
-        self._model = RobotModel(self._robot.arm)
+        self._model = RobotModel(arm)
         name = settings.task
-        self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
+        self._task = load_task(name) if name else task_for(arm, robot)
         goals = declare(self, GoalSettings())
         self._autostart = goals.autostart
         self._goals = Goals(self._model, self._task, goals, settings.task_space)
@@ -83,11 +83,11 @@ class PlannerNode(ManagedNode):
         self._q: JointPositions | None = None  # at the newest state
         self._logged = ''  # on the log, of what happened to the goal
         self._published_start = 0  # stamp at which a task began [ns]
-        self._create_interfaces()
+        self._create_interfaces(robot)
         self._publish_state()
         self._start_life()
 
-    def _create_interfaces(self) -> None:
+    def _create_interfaces(self, robot: str) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._joint_publisher = self.create_publisher(JointState, 'joint_velocity', PUBLISH)
         self._words = LatchedWords(self, topics.TASK_STATE)
@@ -102,7 +102,7 @@ class PlannerNode(ManagedNode):
         show_traces(self, self._frame, self._task.waypoints, self._trace)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
-        self._diagnostics = Diagnostics(self, self._robot.name, self._health)
+        self._diagnostics = Diagnostics(self, robot, self._health)
         subscribe = self.create_subscription
         subscribe(JointState, 'joint_states', self._on_state, topics.RECENT)
         subscribe(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)

@@ -1,18 +1,17 @@
 """Parameters of the arm and of how it is to move: law, limits, preferences, tasks, their gains."""
 
 import signal
-import time
 from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
+import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.errors import RedresError, UnknownNameError
+from redres_ros.errors import UnknownNameError
 from redres_ros.files.processes import handled
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
@@ -55,22 +54,13 @@ _NODES_OWN = {'acceleration.reach': END_OF_REACH}
 _NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 
 
-class _NoneError(RedresError):
-    """The word none beside names."""
-
-
-class _ChosenRobot(NamedTuple):
-    """What the parameter `robot` says, and the arm with the node's limits and dynamics."""
-
-    name: str
-    arm: Arm
-
-
 def declare_robot(
     node: Node, *, is_the_robot: bool = False, has_dynamics: bool = True
-) -> _ChosenRobot:
-    """Declare the parameters of the arm. With `topic`, wait until the description has come, unless
-    the node is the robot and publishes it. Raises RedresError for an arm that cannot be used.
+) -> tuple[str, Arm]:
+    """Declare the parameters of the arm; returns what `robot` says, and the arm. With `topic`, wait
+    until the description has come, unless the node is the robot and publishes it.
+
+    Raises RedresError for an arm that cannot be used.
     """
     robot = declare_one(node, 'robot', 'lwr4_paper', _ROBOT)
     tip_frame = declare_one(node, 'tip_frame', '', _TIP_FRAME)
@@ -87,7 +77,7 @@ def declare_robot(
     if has_dynamics:
         arm = replace(arm, dynamics=declare_one(node, 'dynamics', arm.dynamics, _DYNAMICS))
     arm.kinematics()  # refuses limits of another number of joints
-    return _ChosenRobot(robot, arm)
+    return robot, arm
 
 
 def make_arm(robot: str, tip_frame: str, await_description: Callable[[], str]) -> Arm:
@@ -105,22 +95,13 @@ def _await_description(node: Node) -> str:
     """The URDF on robot_description, waited for as long as it takes; a signal ends the wait."""
     received: list[String] = []
     subscription = node.create_subscription(String, DESCRIPTION, received.append, LATCHED)
-    topic = node.resolve_topic_name(DESCRIPTION)
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    reported_at = time.monotonic()
-    try:
-        # before the loop of the node looks at them
-        with handled(signal.default_int_handler, signal.SIGINT, signal.SIGTERM):
-            while not received:
-                executor.spin_once(timeout_sec=_WAIT)
-                if time.monotonic() - reported_at > _PATIENCE:
-                    reported_at = time.monotonic()
-                    node.get_logger().warning(f'waiting for a URDF on {topic}')
-    finally:
-        executor.remove_node(node)
-        executor.shutdown()
-        node.destroy_subscription(subscription)
+    waiting = f'waiting for a URDF on {subscription.topic_name}'
+    # before the loop of the node looks at them
+    with handled(signal.default_int_handler, signal.SIGINT, signal.SIGTERM):
+        while not received:
+            rclpy.spin_once(node, timeout_sec=_WAIT)
+            node.get_logger().warning(waiting, throttle_duration_sec=_PATIENCE, skip_first=True)
+    node.destroy_subscription(subscription)
     return str(received[-1].data)
 
 
@@ -153,7 +134,7 @@ class _PolicySettings:
         for name in ('limits', 'preferences', 'secondary_tasks'):
             words = getattr(self, name)
             if NONE in words and words != (NONE,):
-                raise _NoneError(f'{name} are {list(words)}; expected names or {NONE}')
+                raise ParameterError(f'{name} are {list(words)}; expected names or {NONE}')
             check_once(f'{name}:', words)
 
 
@@ -179,17 +160,12 @@ class PolicyParameters:
         """
         self._next = (self._settings, self._gains, self.policy)
         settings = with_changes(self._settings, changes)
-        own = self._gains.keys() & changes.keys()
-        if settings == self._settings and not own:
-            return
-        gains = {**self._gains, **{key: changes[key] for key in own}}
-        policy = self._made(settings, gains)
-        if _of_limits(settings, gains) == _of_limits(self._settings, self._gains):
-            policy = replace(policy, limits=self.policy.limits)
-        self._next = (settings, gains, policy)
+        gains = {key: changes.get(key, value) for key, value in self._gains.items()}
+        if (settings, gains) != (self._settings, self._gains):
+            self._next = (settings, gains, self._made(settings, gains))
 
     def adopt(self) -> Policy:
-        """Put the policy that was checked last in force; unchanged limits stay the same."""
+        """Put the policy that was checked last in force."""
         self._settings, self._gains, self.policy = self._next
         return self.policy
 
@@ -214,12 +190,6 @@ class PolicyParameters:
         )
         policy.check(self._model, self._T)
         return policy
-
-
-def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
-    """All that the limits depend on."""
-    values = [gains.get(name) for name in LIMITS.gain_keys]
-    return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
 
 
 def _all_gains(T: Seconds) -> Iterator[tuple[str, Any, Parameter]]:

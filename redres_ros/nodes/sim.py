@@ -94,19 +94,19 @@ class SimNode(ManagedNode):
                 'use_sim_time is True; allowed: False: the fake arm uses the clock of the '
                 'computer, and publishes no /clock'
             )
-        robot = declare_robot(self, is_the_robot=True, has_dynamics=False)
-        self._tip_frame = robot.arm.tip_frame
-        settings = self._settings = declare(self, _SimParameters(start=robot.arm.start))
+        robot, arm = declare_robot(self, is_the_robot=True, has_dynamics=False)
+        self._tip_frame = arm.tip_frame
+        settings = self._settings = declare(self, _SimParameters(start=arm.start))
         environment = declare(self, EnvironmentSettings())
         session = declare(self, SessionSettings())
         if settings.lockstep:
             session = replace(session, monitor_time=0.0)  # timing is perfect
         period = 1.0 / settings.rate
-        limits = JointLimits.of(robot.arm)
+        limits = JointLimits.of(arm)
         start = np.array(settings.start)
         plant: MujocoPlant | IdealPlant
         if settings.plant == 'mujoco':
-            plant = MujocoPlant(robot.arm, period, start, environment=environment)
+            plant = MujocoPlant(arm, period, start, environment=environment)
         else:
             plant = IdealPlant(limits.joint_names, period, start)
         self._plant = FaultyPlant(plant, declare(self, Faults()))
@@ -126,8 +126,8 @@ class SimNode(ManagedNode):
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_requested = False
-        self._create_interfaces(robot.arm.description(), robot.arm.kinematics().base_frame)
-        self._diagnostics = Diagnostics(self, robot.name, self._health)
+        self._create_interfaces(arm.description(), arm.kinematics().base_frame)
+        self._diagnostics = Diagnostics(self, robot, self._health)
         self._start_life()
 
     def _create_interfaces(self, description: str, base_frame: str) -> None:
