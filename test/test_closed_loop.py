@@ -155,18 +155,6 @@ def test_progress_goes_from_nothing_to_all():
     assert shares == sorted(shares)
 
 
-def test_the_same_run_twice_gives_the_same_bits():
-    assert short().data.tobytes() == short().data.tobytes()
-
-
-def test_a_loop_that_diverges_ends_and_says_so():
-    recording = run(Controller(MODEL, make_law('minimum_torque', damping=0.0), T), TASK)
-    assert not recording.finished
-    assert recording.ending.startswith('diverged at ')
-    assert len(recording.data) > 500
-    assert np.isfinite(recording.data).all()
-
-
 def test_a_point_out_of_reach_ends_the_loop_in_time_and_says_so():
     task = replace(
         TASK,
@@ -216,27 +204,6 @@ def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
 # --- six rows -------------------------------------------------------------------------------------
 
 
-@cache
-def posed(name: str, law: str) -> Recording:
-    task = load_task(name)
-    short = replace(
-        task, waypoints=task.waypoints[:3], orientations=task.orientations[:3], segment_time=1.0
-    )
-    model = RobotModel.named(task.robot)
-    return run(Controller(model, make_law(law), 0.005, task='pose'), short)
-
-
-@pytest.mark.parametrize('name', ['lwr4_pose', 'iiwa7_pose'])
-@pytest.mark.parametrize('law', sorted({*LAWS} - {'minimum_torque'}))
-def test_a_pose_task_is_followed_in_position_and_orientation(name, law):
-    recording = posed(name, law)
-    assert recording.finished
-    assert recording.pose
-    # J changes within a tick of 5 ms; less than what counts as reached, twice that of a point
-    assert recording['task_error'].max() < 2e-3
-    assert recording['orientation_error'].max() < 1e-2
-
-
 def test_a_pose_controller_holds_the_orientation_of_a_task_that_names_none():
     end = TASK.waypoints[0] + (0.0, -0.05, 0.0)
     brief = replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)
@@ -249,6 +216,8 @@ def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry
     alone = run(Controller(MODEL, make_law('minimum_torque'), 0.008, **options), TASK)
     # At which tick depends on the last bits: errors grow a thousandfold within some of them.
     assert alone.ending.startswith('diverged at ')
+    assert not alone.finished
+    assert np.isfinite(alone.data).all()
     assert alone['segment'][-1] == 2  # the side on which the conflict begins
     limited = Controller(MODEL, make_law('minimum_torque'), 0.008, limits=BOX, **options)
     recording = run(limited, TASK)

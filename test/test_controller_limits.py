@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from redres_ros import (
-    LAWS,
     Controller,
     RobotModel,
     WaypointTask,
@@ -17,7 +16,6 @@ BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
-EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 
 
 def acceleration_limit(model: RobotModel) -> np.ndarray:
@@ -181,17 +179,3 @@ def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothi
         with pytest.raises(DivergedError, match='allowed: up to 10000; the reason is dx'):
             controller.update(task.start, np.array((1e9, 0.0, 0.0)))
         assert (controller.update(task.start, DX).dq == calm.update(task.start, DX).dq).all()
-
-
-# --- what is lost ---------------------------------------------------------------------------------
-
-
-@EVERY_LAW
-def test_what_is_not_executed_at_a_singularity_is_reported(law, model):
-    """Of the stretched arm, the way outward."""
-    controller = controller_of(model, law)
-    dx = np.array((0.1, 0.0, 0.05))
-    command = controller.update(np.zeros(7), dx)
-    assert command.J @ command.dq == pytest.approx(dx - command.unachieved, abs=1e-9)
-    assert command.unachieved[2] == pytest.approx(0.05, abs=1e-9)
-    assert command.unachieved[0] == pytest.approx(0.0, abs=1e-9)

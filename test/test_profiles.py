@@ -90,11 +90,11 @@ class AnySession(RuleBasedStateMachine):
         if was_ready and not session.commanding:
             assert f'the first command is {distance:.3g} rad' in session.reason
 
-    @rule()
-    def stop(self) -> None:
+    @rule(reason=st.sampled_from(['stopped', 'pushed']))
+    def stop(self, reason: str) -> None:
         before = self.session.state
-        expected = self.session.reason or 'stopped'
-        self.session.stop('stopped')
+        expected = self.session.reason or reason
+        self.session.stop(reason)
         self.check(before, Event.FAULT)
         assert self.session.reason == expected
         assert not self.session.commanding

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from nightly import by_day
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
 from redres_ros.kernels.tick import rotation_error
@@ -50,30 +49,7 @@ def beyond_the_range(arm: str, joint: int, excess: float) -> np.ndarray:
     return q
 
 
-def assert_speeds_kept(arm: str, commands: list[Command]) -> None:
-    """Velocities and accelerations within the joints' limits."""
-    dq_max = RobotModel.named(arm).dq_max * (1.0 + ROUNDING)
-    ddq_max = np.array(ARMS[arm].acceleration_limit) * (1.0 + ROUNDING)
-    for command in commands:
-        assert (np.abs(command.dq) <= dq_max).all()
-        assert (np.abs(command.ddq) <= ddq_max).all()
-
-
-def assert_range_kept(arm: str, positions: list[np.ndarray]) -> None:
-    model = RobotModel.named(arm)
-    assert (np.array(positions) <= model.q_max + ROUNDING).all()
-    assert (np.array(positions) >= model.q_min - ROUNDING).all()
-
-
 # --- limits ---------------------------------------------------------------------------------------
-
-
-def test_pink_206_a_start_beyond_the_range_is_left_within_the_speed_limits() -> None:
-    """There, position and velocity limits together had no solution."""
-    q = beyond_the_range('iiwa7', 1, 0.05)
-    commands = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 1000)
-    assert_speeds_kept('iiwa7', commands)
-    assert commands[-1].q_ref[1] <= RobotModel.named('iiwa7').q_max[1]
 
 
 @pytest.mark.parametrize(
@@ -92,54 +68,6 @@ def test_an_arm_beside_its_end_or_without_a_direction_moves_as_it_should(
     q = start_of(arm) if excess is None else beyond_the_range(arm, 1, excess)
     commands = follow(arm, q, steady(*dx), 100)
     assert commands[-1].J @ commands[-1].dq == pytest.approx(dx, abs=1e-9)
-
-
-TARGET = np.array((3.0, 2.0, 1.0))  # [m], far out of reach
-TWISTS = 0.5 * np.random.default_rng(0).normal(size=(20, 3))  # [m/s], a new one every 100 ticks
-
-
-@pytest.mark.parametrize(
-    ('arm', 'source', 'limits'),
-    [
-        pytest.param('fr3', lambda _, x: 10.0 * (TARGET - x), BOX, id='mink_162_out_of_reach'),
-        pytest.param(
-            'fr3', lambda tick, _: TWISTS[tick // 100], (*BOX, 'jerk'), id='franka_ros2_168_jumps'
-        ),
-        pytest.param('iiwa7', steady(0.0, 0.3, 0.0), BOX, id='moveit2_3065_from_rest'),
-    ],
-)
-def test_whatever_is_asked_for_references_stay_within_the_limits(
-    arm: str, source: Source, limits: tuple[str, ...]
-) -> None:
-    """There, 134 rad/s where 5 were allowed, libfranka's reflexes, and a jolt."""
-    commands = follow(arm, start_of(arm), source, 2000, limits=limits)
-    assert_speeds_kept(arm, commands)
-    assert_range_kept(arm, [command.q_ref for command in commands])
-    if 'jerk' in limits:
-        accelerations = np.array([np.zeros(7), *(command.ddq for command in commands)])
-        jerk = np.abs(np.diff(accelerations, axis=0)) / T
-        assert (jerk <= np.array(ARMS[arm].jerk_limit) * (1.0 + ROUNDING)).all()
-
-
-@pytest.mark.parametrize('arm', by_day(1, ['fr3', 'iiwa7', 'lwr4']))
-def test_drake_20364_position_velocity_and_acceleration_limits_hold_together_at_an_end(
-    arm: str,
-) -> None:
-    """There, one of the three broke as a joint came near the end of its range."""
-    random = np.random.default_rng(0)
-    directions = random.normal(size=(6, 3))
-    for dx in directions / np.linalg.norm(directions, axis=1)[:, None]:
-        commands = follow(arm, start_of(arm), steady(*dx), 800)
-        assert_speeds_kept(arm, commands)
-        assert_range_kept(arm, [command.q_ref for command in commands])
-
-
-def test_cartesian_controllers_170_a_joint_beyond_its_range_is_not_thrown_back_to_its_end() -> None:
-    """There, the first reference was the end of the range: a step."""
-    q = beyond_the_range('iiwa7', 1, 0.3)
-    first = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 1)[0]
-    step = np.array(ARMS['iiwa7'].acceleration_limit) * T * T  # [rad] from rest in one tick
-    assert (np.abs(first.q_ref - q) <= step * (1.0 + ROUNDING)).all()
 
 
 # --- singularities --------------------------------------------------------------------------------
