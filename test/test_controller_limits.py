@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 
 from redres_ros import (
+    LAWS,
     Controller,
     RobotModel,
     WaypointTask,
     make_law,
 )
+from redres_ros.command import Published
 from redres_ros.errors import DivergedError, UnknownNameError
 
 T = 0.002  # [s]
@@ -16,6 +19,7 @@ BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
+LAW_NAMES = tuple(LAWS)
 
 
 def acceleration_limit(model: RobotModel) -> np.ndarray:
@@ -179,3 +183,48 @@ def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothi
         with pytest.raises(DivergedError, match='allowed: up to 10000; the reason is dx'):
             controller.update(task.start, np.array((1e9, 0.0, 0.0)))
         assert (controller.update(task.start, DX).dq == calm.update(task.start, DX).dq).all()
+
+
+# --- whatever changes -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('interface', ['fri', 'fci', 'ros2_control'])
+@pytest.mark.parametrize('names', [BOX, (*BOX, 'jerk')])
+@pytest.mark.parametrize('arm', ['lwr4_paper', 'iiwa7', 'fr3', 'gen3'])
+def test_limits_hold_in_any_order_of_changes_and_losses(arm, names, interface):
+    """Limits narrowed in motion, laws, holds, joint velocities, and cycles without a command.
+
+    Judged from where the robot is by then: it may have gone on too far, but no command leads out.
+    """
+    random = np.random.default_rng(12)
+    model = RobotModel.named(arm)
+    options = {'limits': names, 'robot_interface': interface, 'switch_time': 0.2}
+    controller = controller_of(model, **options)
+    if interface != 'ros2_control':
+        controller.gap = 4
+        controller.longest_gap = 20
+    lower, upper = np.clip(model.q_min, -3.0, None), np.clip(model.q_max, None, 3.0)
+    q = random.uniform(lower, upper)
+    dx = np.zeros(3)
+    for _ in range(100 * NIGHTLY + 20):
+        kind = random.integers(6)
+        if kind == 0:
+            controller.set_limits(names, limit_scale=float(random.choice((1.0, 0.5, 0.1, 0.02))))
+        elif kind == 1:
+            controller.switch_law(LAW_NAMES[random.integers(len(LAW_NAMES))])
+        elif kind == 2:
+            controller.hold()
+        else:
+            controller.resume()
+            controller.follow_joints(kind == 3)
+            dx = random.normal(size=controller.m) * (model.dq_max if kind == 3 else 2.0)
+        for _ in range(60):
+            missed = int(random.integers(1, 4)) if random.random() < 0.1 else 0
+            before = controller.published or Published.at_rest(q)
+            at = controller.bridged(before, missed)
+            q = controller.update(q, dx[: controller.m], missed).q_ref
+            dq = (q - at.q) / T
+            assert (q <= np.maximum(model.q_max, at.q) + 1e-12).all()
+            assert (q >= np.minimum(model.q_min, at.q) - 1e-12).all()
+            assert (np.abs(dq) <= np.maximum(model.dq_max, np.abs(at.dq)) + 1e-9).all()
+            assert (np.abs(dq - at.dq) <= T * acceleration_limit(model) * (1.0 + 1e-6)).all()

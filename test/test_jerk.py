@@ -243,38 +243,3 @@ def test_a_robot_that_goes_on_at_its_acceleration_is_met_where_it_is():
         assert np.abs(seen).max() <= A * (1.0 + 1e-6)
         assert np.abs(seen - a).max() <= J * T * (1.0 + 1e-6)
         p, v, a = q, (q - p) / T, seen
-
-
-@pytest.mark.parametrize('interface', ['fri', 'fci'])
-@pytest.mark.parametrize('robot', ['lwr4_paper', 'iiwa7', 'gen3'])
-def test_position_and_velocity_rank_above_the_jerk(robot, interface):
-    """Limits that become narrower while joints are fast, and lost commands, leave no braking at J.
-
-    Gen3 and LWR have no jerk limits of their own: a low J, which must brake all the same.
-    """
-    model = RobotModel.named(robot)
-    random = np.random.default_rng(5)
-    T = 0.005
-    controller = Controller(
-        model, 'minimum_velocity', T=T, limits=ALL, robot_interface=ROBOT_INTERFACES[interface]
-    )
-    controller.follow_joints(True)
-    q = random.uniform(0.6, 0.95, model.n) * np.where(np.isfinite(model.q_max), model.q_max, 3.0)
-    dq_prev = np.zeros(model.n)
-    for tick in range(1200):
-        if tick % 80 == 0:
-            dq = random.choice((-1.0, 1.0), model.n) * model.dq_max
-        if tick % 60 == 58:
-            controller.set_limits(ALL, limit_scale=float(random.choice((1.0, 0.1, 0.02))))
-        missed = 0
-        if interface == 'fci' and random.random() < 0.05:
-            missed = int(random.integers(1, 4))
-        command = controller.update(q, dq, missed)
-        q = command.q_ref
-        assert (q >= model.q_min).all()
-        assert (q <= model.q_max).all()
-        assert (np.abs(command.dq) <= model.dq_max * (1.0 + ROUNDING)).all()
-        if not missed:
-            allowed = T * np.array(model.arm.acceleration_limit) * (1.0 + ROUNDING)
-            assert (np.abs(command.dq - dq_prev) <= allowed).all()
-        dq_prev = command.dq

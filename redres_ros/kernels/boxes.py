@@ -291,8 +291,9 @@ def fill_boxes(
             meet = meet and not is_apart
             if is_apart and k >= POSITION:
                 A = limit.A_arm
-                slowest = -_speed_to_stop(q[i] - limit.lower[end], A, T, 1.0 + lost)
-                fastest = _speed_to_stop(limit.upper[end] - q[i], A, T, 1.0 + lost)
+                cycles = max(first, 1.0 + lost)
+                slowest = -_speed_to_stop((q[i] - limit.lower[end]) / gap, A, T, cycles)
+                fastest = _speed_to_stop((limit.upper[end] - q[i]) / gap, A, T, cycles)
                 lower, upper = _widened(lower, upper, slowest, fastest, v, A, T)
                 if least > most:  # braking before one end, at J, ends beyond the other one
                     least = slowest
