@@ -2,8 +2,9 @@
 
 import subprocess
 import sys
-import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -239,19 +240,13 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
     with own_domain(), spun(SnapshotNode) as observer:
         manager = rclpy.create_node('controller_manager')
         publisher = manager.create_publisher(DiagnosticArray, '/diagnostics', 1)
-        timer = threading.Event()
-
-        def report() -> None:
-            while not timer.wait(0.1):
+        with ThreadPoolExecutor() as pool:
+            look = pool.submit(observer.look, 1.0)
+            while not look.done():
                 publisher.publish(DiagnosticArray(status=[activity]))
-
-        thread = threading.Thread(target=report)
-        thread.start()
-        seen = observer.look(1.0)
-        timer.set()
-        thread.join()
+                time.sleep(0.1)
         manager.destroy_node()
-    assert set(seen.forward_states.values()) == {'inactive'}
+    assert set(look.result().forward_states.values()) == {'inactive'}
 
 
 @pytest.mark.slow

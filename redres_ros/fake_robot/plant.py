@@ -210,6 +210,7 @@ class FaultyPlant:
 
     Attributes:
         true: The plant itself.
+        faults: Of this arm; others act from the next cycle on, once they are checked.
         q: Measured joint positions; a new array in each cycle, as the next.
         dq: Measured joint velocities.
     """
@@ -227,16 +228,7 @@ class FaultyPlant:
         self._wrench_random = np.random.default_rng(seed)  # drawn as often as somebody subscribes
         self._pushed = False  # in the last cycle
         self.faults = faults or Faults()
-
-    @property
-    def faults(self) -> Faults:
-        """The faults of this arm; set, they act from the next cycle on."""
-        return self._faults
-
-    @faults.setter
-    def faults(self, faults: Faults) -> None:
-        self.check(faults)
-        self._faults = faults
+        self.check(self.faults)
 
     def check(self, faults: Faults) -> None:
         """Raise RangeError for a frozen joint, and UnknownNameError for a pushed link, that the arm
@@ -252,7 +244,7 @@ class FaultyPlant:
     def wrench(self) -> Wrench | None:
         """Measured force and moment on the tip, along the tip's axes; None: it is lost."""
         shown = self.true.wrench.copy()
-        match self._faults.wrench_fault:
+        match self.faults.wrench_fault:
             case 'noise':
                 shown += self._wrench_random.normal(size=6) * _SENSOR_NOISE
             case 'bias':
@@ -267,7 +259,7 @@ class FaultyPlant:
 
     def step(self, q_ref: JointPositions) -> None:
         """Move for one cycle, during which the reference goes on to q_ref; or stand still."""
-        faults = self._faults  # one for the whole cycle
+        faults = self.faults  # one for the whole cycle
         if faults.paused_physics:
             self._measure(faults, np.zeros_like(self.q))
             return
