@@ -88,7 +88,7 @@ def assert_nothing_moves(run: VirtualRun) -> None:
 def test_a_target_of_another_time_is_refused_with_its_age(
     run: VirtualRun, age: float, side: str
 ) -> None:
-    send_target(run, stamp=run.nodes['planner']._stamp - round(age * SECOND))
+    send_target(run, stamp=run.nodes['planner']._run.cycles.newest - round(age * SECOND))
     assert_nothing_moves(run)
     assert logged(run, 'target_pose refused', side, 'a zero stamp')
     assert diagnosed(run, 'target_pose refused', side)
@@ -98,7 +98,7 @@ def test_a_target_of_another_time_is_refused_with_its_age(
 def test_a_target_of_now_is_taken_also_with_a_zero_stamp(
     run: VirtualRun, age: float | None
 ) -> None:
-    now = run.nodes['planner']._stamp
+    now = run.nodes['planner']._run.cycles.newest
     send_target(run, stamp=0 if age is None else now - round(age * SECOND))
     run.run(0.5)
     assert state(run) is TaskState.MOVING

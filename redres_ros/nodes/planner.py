@@ -79,7 +79,6 @@ class PlannerNode(ManagedNode):
         self._T = 1.0 / settings.rate
         unachieved = UnachievedVelocity(self._model, settings.task_space, self._T, END_OF_REACH)
         self._run = TaskExecutor(self._T, settings.task_space, settings.lockstep, unachieved)
-        self._stamp = 0  # of the newest state [ns]
         self._q: JointPositions | None = None  # at the newest state
         self._logged = ''  # on the log, of what happened to the goal
         self._published_start = 0  # stamp at which a task began [ns]
@@ -134,7 +133,6 @@ class PlannerNode(ManagedNode):
         x, R = self._model.tip(q)
         self._q = q
         step = self._run.enter_state(stamp, q, x, R, time.monotonic())
-        self._stamp = stamp
         if step is None:
             return
         if step.dq is not None:
@@ -203,7 +201,7 @@ class PlannerNode(ManagedNode):
             q = self._check_ready()
             if self._run.state is TaskState.HOMING:
                 raise GoalError('the joints are moving to the start; planner/stop ends that')
-            check_age(to_nanoseconds(message.header.stamp), self._stamp, time.time_ns())
+            check_age(to_nanoseconds(message.header.stamp), self._run.cycles, time.time_ns())
             self._begin_goal(self._goals.target(x, R, q))
         except RedresError as error:
             self._inputs.refuse('target_pose', error)
@@ -295,7 +293,6 @@ class PlannerNode(ManagedNode):
 
     def _forget(self) -> None:
         self._q = None
-        self._stamp = 0
 
     def _health(self) -> Health:
         values = {

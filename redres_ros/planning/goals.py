@@ -9,7 +9,7 @@ import numpy as np
 from redres_ros.errors import RedresError
 from redres_ros.geometry import PEAK_SPEED
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
+from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import Planner, TargetFollower, pose_distance
@@ -145,18 +145,12 @@ class Goals:
         )
 
 
-def check_age(stamp: Nanoseconds, now: Nanoseconds, time_of_day: Nanoseconds) -> None:
+def check_age(stamp: Nanoseconds, cycles: CycleCounter, time_of_day: Nanoseconds) -> None:
     """Refuse a goal of long ago; a zero stamp means now.
 
     One stamped by this computer's clock, which shows the time of day, counts by its arrival. Raises
-    GoalError if the stamp is more than a second from the robot's clock, which shows `now`, and from
-    this computer's.
+    GoalError if the stamp is more than a second from the robot's clock, and from this computer's.
     """
-    age = (now - stamp) / NANOSECONDS
-    timeout = _TARGET_TIMEOUT
-    if stamp and abs(age) > timeout and not is_of_this_moment(stamp, time_of_day, timeout):
-        side = 'behind' if age > 0.0 else 'ahead of'
-        raise GoalError(
-            f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "
-            '(a zero stamp means now)'
-        )
+    stamp = cycles.robot_stamp(stamp, time_of_day, _TARGET_TIMEOUT)
+    if stamp and (problem := cycles.age_problem(stamp, _TARGET_TIMEOUT)):
+        raise GoalError(f'{problem} (a zero stamp means now)')

@@ -110,7 +110,7 @@ class TaskExecutor:
         self._T = T
         self._turns = task_space == 'pose'
         self._unachieved = unachieved
-        self._cycles = CycleCounter(round(NANOSECONDS * T))
+        self.cycles = CycleCounter(round(NANOSECONDS * T))
         self._execution: _Execution | None = None
         self._ending = ''  # why the goal was over before its end
         self._step: Step | None = None
@@ -164,11 +164,11 @@ class TaskExecutor:
         unachieved = None
         if self._unachieved and source and asked is not None and not source.time_left(self.clock.t):
             unachieved = self._unachieved.of(q, asked, self.monitor.idle)
-        is_new = not stamp or stamp != self._cycles.newest
+        is_new = not stamp or stamp != self.cycles.newest
         self._seconds = 0.0
         if is_new:
-            before = self._cycles.newest
-            cycles = self._cycles.enter(stamp, now)
+            before = self.cycles.newest
+            cycles = self.cycles.enter(stamp, now)
             self._seconds = cycles * self._T
             if cycles != 1 and before:
                 self._end_after((stamp - before) / NANOSECONDS)
