@@ -4,6 +4,7 @@ import socket
 from collections.abc import Iterator
 from dataclasses import replace
 from http.client import HTTPConnection
+from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,8 +31,8 @@ from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, Sampler
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.controller_telemetry import (
-    ControllerSnapshot,
     Figures,
+    MotionTelemetry,
     from_message,
     to_message,
 )
@@ -181,9 +182,9 @@ def values_of(node: Node) -> dict[str, Any]:
 
 
 def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
-    given = ControllerSnapshot(Figures(*range(7)), np.arange(2.0))
-    message = to_message(given)
-    assert np.concatenate(from_message(message, 2)).tolist() == np.concatenate(given).tolist()
+    message = to_message(Figures(*range(7)), np.arange(2.0))
+    figures, q = from_message(message, 2)
+    assert (figures, q.tolist()) == (Figures(*range(7)), [0.0, 1.0])
     with pytest.raises(ArrayError, match='9 numbers; expected 14'):
         from_message(message, 7)
     message.data[3] = np.nan
@@ -192,36 +193,39 @@ def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
 
 
 class SubscribedTelemetry:
-    """Telemetry that somebody listens to: keeps what is published."""
+    """Telemetry of which somebody listens to snapshots: keeps them."""
 
-    subscribed = ('snapshot',)
+    subscribed = frozenset({'snapshot'})
 
-    def __init__(self) -> None:
+    def __init__(self, *_: object) -> None:
         self.messages: list[Any] = []
 
     def publish(self, name: str, make: Any) -> None:
-        """Keep the message."""
-        self.messages.append(make())
+        """Keep a snapshot."""
+        if name in self.subscribed:
+            self.messages.append(make())
 
 
 def test_snapshots_are_few_and_hide_no_peak_between_them(
-    motion: SimpleNamespace,
+    motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    telemetry = SubscribedTelemetry()
-    snapshots = controller_telemetry.SnapshotPublisher(telemetry)
+    monkeypatch.setattr(controller_telemetry, 'Telemetry', SubscribedTelemetry)
+    node = SimpleNamespace(get_name=lambda: 'controller')
+    motion_telemetry = MotionTelemetry(node, 'world', T)
     for tick, command in enumerate(motion.commands):
-        snapshots.see(round((tick + 10**6) * T * 1e9), command)
+        response = SimpleNamespace(stamp=tick, command=command, scaling=command.s)
+        motion_telemetry.publish(response, None)
+    telemetry = motion_telemetry._telemetry
     reported = [from_message(message, motion.model.n) for message in telemetry.messages]
     assert len(reported) == len(motion.commands) // 25
-    ticks = range(1, len(motion.commands) - 25 + 1, 25)
-    for seen, first in zip(reported[1:], ticks, strict=True):
+    for (figures, q), first in zip(reported, count(0, 25), strict=False):
         since = motion.commands[first : first + 25]
         newest = since[-1]
-        assert seen.figures.joint_velocity_norm == max(norm(each.dq) for each in since)
-        assert seen.figures.joint_acceleration_norm == max(norm(each.ddq) for each in since)
-        assert seen.figures.joint_torque_norm == norm(newest.tau)
-        assert seen.figures.task_scaling == newest.s
-        assert np.array_equal(seen.q, newest.state.q)
+        assert figures.joint_velocity_norm == max(norm(each.dq) for each in since)
+        assert figures.joint_acceleration_norm == max(norm(each.ddq) for each in since)
+        assert figures.joint_torque_norm == norm(newest.tau)
+        assert figures.task_scaling == newest.s
+        assert np.array_equal(q, newest.state.q)
 
 
 def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
@@ -244,7 +248,7 @@ def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
 
         state = to_joint_state(5, motion.model.joint_names, moved, np.zeros(motion.model.n))
         await_that(lambda: arrived(states, state, moved), 'the state')
-        snapshot = to_message(ControllerSnapshot(Figures(*range(7)), q))
+        snapshot = to_message(Figures(*range(7)), q)
         await_that(lambda: arrived(snapshots, snapshot, q), 'the snapshot')
         await_that(lambda: arrived(states, state, moved), 'the state after the snapshot')
         monitor.destroy_node()

@@ -245,10 +245,9 @@ class LiveArm:
         for sample in self._samples.take(controller_telemetry.TOPIC):
             with suppress(RedresError):  # malformed
                 message = deserialised(sample.data, Float64MultiArray)
-                seen = controller_telemetry.from_message(message, self.model.n)
-                self.q = seen.q
+                seen, self.q = controller_telemetry.from_message(message, self.model.n)
                 self._seen_at = time.monotonic()
-                figures.append(seen.figures)
+                figures.append(seen)
         if time.monotonic() - self._seen_at > _SILENCE:
             self._look_at_states()
         else:
