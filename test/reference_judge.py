@@ -5,7 +5,8 @@ the robot's interface is by then, v its velocity there, and T the robot's period
 
     finite, q_min <= r <= q_max (outside: only towards the range),
     |r - p| <= V T,   |(r - p)/T - v| <= A T,
-    holding: r is the last one to the bit,   inactive: nothing is published,
+    holding: r is the last one to the bit, or where an arm is that others have moved (behind
+    ros2_control: whose commands a robot that holds gets),   inactive: nothing is published,
     mirroring: only finite, and in the range or where the arm is.
 
 A robot that holds stays at its last reference: p = r, v = 0 if m > 1. One that extrapolates goes
@@ -116,6 +117,9 @@ class ReferenceJudge:
             self._last, self._last_stamp, self._last_mode, self._v_T = self._before
         self._before = (self._last, self._last_stamp, self._last_mode, self._v_T)
         cycles = self._cycles_to(stamp)
+        measured = self._measured.get(stamp, np.full_like(r, np.inf))
+        if self._holds and self.mode == 'holding' and np.abs(r - measured).max() <= ROUNDING:
+            self.forget()
         if self.mode == 'mirroring':
             self._judge_mirrored(stamp, r)
             self._v_T = np.zeros_like(r) if self._last is None else r - self._last

@@ -24,6 +24,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from virtual_graph import Graph, on_wires
 
+from redres_ros.geometry import quintic
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
@@ -170,6 +171,7 @@ class StandIn:
         self._joints = limits.joint_names
         self._names = sorted((*limits.joint_names, *self._habits.others))
         self._reference: np.ndarray | None = None  # the controller's newest; None: NaN
+        self._trajectory: list[np.ndarray] = []  # of the joint_trajectory_controller
         self._written = q  # to the hardware, which holds it
         self._is_new = True  # since the last cycle of the hardware
         self._cycle = 0
@@ -181,8 +183,11 @@ class StandIn:
         graph.clock.repeat(self._period / self._pace, self._on_cycle)
 
     def activate(self) -> None:
-        """Activate the forward_position_controller; commands of before are discarded."""
+        """Activate the forward_position_controller in place of any other; commands of before are
+        discarded.
+        """
         self._reference = None
+        self._trajectory = []
         self.forwarding = True
 
     def deactivate(self) -> None:
@@ -190,10 +195,25 @@ class StandIn:
         self._reference = None
         self.forwarding = False
 
+    def carry(self, way: np.ndarray, seconds: float) -> None:
+        """Have the joint_trajectory_controller move the arm by `way` (n,) in place of the forward
+        one.
+        """
+        self.deactivate()
+        times = np.arange(1, round(seconds / self._period) + 1) * self._period
+        self._trajectory = [self._written + quintic(t / seconds)[0] * way for t in times]
+
     def fail_read(self) -> None:
         """Have the hardware's read() fail: it is unconfigured, its controllers are inactive."""
         self.deactivate()
         self.broadcasting = False
+
+    def put(self, q: np.ndarray) -> None:
+        """Move the arm by hand, while nothing is written; the hardware begins there."""
+        self.q = q
+        self._written = q
+        self._is_new = False
+        self.hardware.forget()
 
     def recover(self) -> None:
         """Configure and activate the hardware and both controllers again."""
@@ -243,7 +263,7 @@ class StandIn:
 
     def _update(self) -> None:
         """The state is published before commands are taken up, as the broadcaster comes first."""
-        command = self._reference
+        command = self._trajectory.pop(0) if self._trajectory else self._reference
         if self.broadcasting and self._random.random() >= self._habits.dropped:
             self._graph.publish('joint_states', self._state())
         if command is None:

@@ -117,14 +117,16 @@ def limited(switch_time: float = 0.1, interface: Interface = 'fri') -> Robot:
     return Robot(CommandLoop(make_controller(switch_time, interface, JOINT_LIMITS)))
 
 
-def assert_gentle(robot: Robot) -> None:
-    """All references since the start keep V and A."""
+def assert_gentle(robot: Robot, *, holds: bool = False) -> None:
+    """All references since the start keep V and A, for a robot that extrapolates, or holds."""
     model = RobotModel.named('lwr4_paper')
     A = np.array(model.arm.acceleration_limit)
     v = np.zeros(model.n)
     for k in range(1, len(robot.references)):
         missed = robot.cycles[k] - robot.cycles[k - 1] - 1
-        p = robot.references[k - 1] + missed * T * v  # a robot that extrapolates
+        if missed and holds:
+            v = np.zeros(model.n)
+        p = robot.references[k - 1] + missed * T * v
         dq = (robot.references[k] - p) / T
         assert (np.abs(dq) <= model.dq_max * (1.0 + 1e-9)).all()
         assert (np.abs(dq - v) <= A * T + 1e-9).all()
@@ -292,19 +294,54 @@ def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_
     assert speed(response) < 0.05  # and at rest
 
 
-@pytest.mark.parametrize(('interface', 'held'), [('ros2_control', False), ('fri', True)])
-def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
-    interface: str, held: bool
+@pytest.mark.parametrize(
+    ('interface', 'held', 'away', 'same'),
+    [
+        ('ros2_control', False, 0.003, True),
+        ('ros2_control', True, 0.01, False),
+        ('fri', True, 0.01, True),
+    ],
+)
+def test_after_seconds_of_silence_a_reference_stays_if_a_servo_explains_where_the_arm_is(
+    interface: str, held: bool, away: float, same: bool
 ) -> None:
     robot = at_speed(interface=interface)
     robot.following.hold(held)
     robot.follow(300 if held else 1)
     reference = robot.q
     robot.cycle += round(1.5 / T)
-    robot.q = reference - 0.01
+    robot.q = reference - away
     response = robot.ask()
     assert response is not None
-    np.testing.assert_array_equal(response.command.q_ref, reference)
+    expected = reference if same else reference - away
+    np.testing.assert_array_equal(response.command.q_ref, expected)
+
+
+@pytest.mark.parametrize('sag', [0.004, 0.03, 0.09])  # [rad]
+@pytest.mark.parametrize('moves', [False, True])
+def test_an_arm_that_sags_under_its_reference_does_not_creep(sag: float, moves: bool) -> None:
+    robot = limited(interface='ros2_control')
+    q = START
+    for cycle in range(5000):
+        robot.q = q
+        robot.ask()
+        if moves and cycle < 1000:
+            robot.steer(velocity(cycle))
+        q = q + 0.1 * (robot.references[-1] - sag - q)  # a servo
+    assert robot.following.mode is Mode.HOLDING
+    np.testing.assert_array_equal(robot.references[1500:], [robot.references[-1]] * 3500)
+    if not moves:
+        assert np.abs(q - START).max() < 2.1 * sag
+
+
+def test_an_arm_that_is_pushed_and_let_go_comes_back_to_its_reference() -> None:
+    robot = make()
+    robot.ask()
+    held = robot.q
+    for push in np.linspace(0.0, 0.3, 500).tolist() + [0.3] * 500 + [0.0]:
+        robot.q = held + push
+        robot.ask()
+        np.testing.assert_array_equal(robot.references[-1], held)
 
 
 @pytest.mark.parametrize('before_the_gap', range(100, 400, 100))
@@ -436,6 +473,22 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     # At most the first share of a blend from standing still.
     np.testing.assert_allclose(response.command.q_ref, moving, rtol=0.0, atol=1e-6)
     assert speed(response) < 1e-3
+
+
+@pytest.mark.parametrize('interface', ['fri', 'ros2_control'])
+@pytest.mark.parametrize('jump', [-0.02, -0.5, 3600.0])  # [s]
+def test_a_clock_that_is_set_while_the_arm_moves_is_a_gap(jump: float, interface: str) -> None:
+    robot = limited(interface=interface)
+    source = np.array((0.0, -0.3, 0.0))
+    for cycle in range(400):
+        offset = round(jump * 1e9) if cycle >= 300 else 0
+        with contextlib.suppress(ClockError):
+            robot.ask(EPOCH + (robot.cycle + 1) * NS + offset)
+        robot.steer(source, stamp=0)
+        if cycle == 302:
+            assert robot.cycles[-1] - robot.cycles[-3] == 3  # one state is not believed
+    assert speed(robot.following.newest_response) > 0.1
+    assert_gentle(robot, holds=interface == 'ros2_control')
 
 
 def test_a_controller_activated_while_the_robot_waits_responds_to_the_state_it_repeats() -> None:
@@ -608,6 +661,20 @@ def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:
     robot.following.enter_session('CMD')
     response = robot.ask()
     assert response is not None and response.scaling == 1.0
+
+
+def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() -> None:
+    for word, expected in (('CMD', 0.0), (None, 1.0)):
+        robot = make(switch_time=0.0)
+        if word:
+            robot.following.enter_session(word)
+        robot.follow(5)
+        robot.cycle += 5_000
+        robot.ask(robot.stamp - 20 * 10**9)
+        robot.following.enter_twist(0, GENTLE, robot.now + 0.1)
+        robot.cycle += 1
+        response = robot.following.step(robot.stamp - 20 * 10**9 + NS, robot.q, robot.now + 0.1)
+        assert response is not None and response.scaling == expected
 
 
 def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:

@@ -76,7 +76,7 @@ target_pose planner:
 controller/task_scaling planner:
   rests | goes_on | rests | goes_on | goes_on | goes_on | goes_on | goes_on
 sim/session_state controller:
-  goes_on the arm does not move | stays | stays | rests the arm does not move | none |
+  held the arm does not move | stays | stays | rests the arm does not move | none |
     goes_on the arm does not move | none | none
 sim/stop_reason planner:
   stops protective stop | stops protective stop | stops protective stop |

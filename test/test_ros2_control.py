@@ -135,7 +135,7 @@ def test_an_arm_that_does_not_move_although_it_is_commanded_is_noticed(
         assert words[0] != 'moving'
 
 
-def test_the_arm_goes_on_from_where_it_is_once_its_operator_has_let_go(tmp_path: Path) -> None:
+def test_the_arm_stands_until_its_operator_has_let_go(tmp_path: Path) -> None:
     with scene(tmp_path, 500.0) as now:
         teleoperate(now.graph, now.robot)
         now.advance(1.0)
@@ -143,8 +143,12 @@ def test_the_arm_goes_on_from_where_it_is_once_its_operator_has_let_go(tmp_path:
         now.advance(1.0)
         stood = now.robot.q
         now.robot.activate()
+        now.advance(2.0)
+        np.testing.assert_array_equal(now.robot.q, stood)
+        assert sum('the arm does not move' in line for _, line in now.graph.log) == 1
         now.graph.faults['cartesian_velocity', 'controller'] = off()
         now.advance(1.0)
+        np.testing.assert_array_equal(now.robot.q, stood)
         now.graph.faults.clear()
         now.advance(1.0)
         assert np.abs(now.robot.q - stood).max() > 0.01
@@ -248,3 +252,68 @@ def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: 
         now.advance(2.0)
         assert now.speed > 0.01
         now.robot.hardware.assert_followable()
+
+
+# --- somebody else moves the arm ------------------------------------------------------------------
+
+WAYS = (0.004, 0.03, 0.08, 0.4)  # [rad] of each joint, back from its range's end
+EXPLAINED = 0.005  # [rad] by a servo at rest
+
+
+def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
+    """Have somebody else move a robot whose controller holds, until its forwarding controller is
+    active again.
+    """
+    robot = now.robot
+    if case == 'beside a trajectory controller':
+        robot.deactivate()
+        now.advance(1.0)
+    else:
+        plan(now.graph, robot)
+        now.advance(8.0)
+        assert now.published.modes[-1] == 'holding'
+    if case == 'after an error of the hardware':
+        robot.fail_read()
+        now.advance(0.5)
+        robot.put(robot.q + way)
+        now.advance(1.5)
+        robot.recover()
+        return
+    robot.carry(way, 1.0)
+    now.advance(1.5)
+    robot.activate()
+
+
+@pytest.mark.parametrize(('rate', 'way'), by_day(3, product(RATES, WAYS)))
+@pytest.mark.parametrize(
+    'case',
+    ['beside a trajectory controller', 'after a target', 'after an error of the hardware'],
+)
+def test_an_arm_that_others_have_moved_does_not_go_back(
+    case: str, rate: float, way: float, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        now.graph.listen(COMMANDS, 'recorder', lambda message: None)
+        elsewhere(now, case, -way * np.sign(ARM.start))
+        stood = now.robot.q
+        now.advance(1.0)
+        assert np.abs(now.robot.q - stood).max() <= (EXPLAINED if way < EXPLAINED else 1e-5)
+        now.published.assert_followable()
+        if way > EXPLAINED:
+            now.robot.hardware.assert_followable()
+            teleoperate(now.graph, now.robot)
+            now.advance(1.0)
+            assert now.speed > 0.01
+            now.assert_well()
+
+
+@pytest.mark.parametrize('rate', by_day(2, RATES))
+def test_an_arm_that_others_move_is_taken_over_where_it_is(rate: float, tmp_path: Path) -> None:
+    with scene(tmp_path, rate) as now:
+        now.advance(0.5)
+        now.robot.carry(-0.4 * np.sign(ARM.start), 1.0)
+        now.advance(0.7)
+        now.robot.activate()
+        moved = now.robot.q
+        now.advance(0.5)
+        assert np.abs(now.robot.q - moved).max() <= LIMITS.velocity.min() / rate

@@ -1,53 +1,85 @@
-"""Joint velocities straight to where an arm was measured, or a step that shows whether it moves."""
-
-import math
+"""Where an arm that is held stands, and the way to it."""
 
 import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.kernels.boxes import stopping_speed
-from redres_ros.types import JointPositions, JointVelocities
+from redres_ros.kernels.tick import largest
+from redres_ros.types import JointPositions, JointVelocities, Seconds
 
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
 _ARRIVED = 1e-6  # [rad]
-_STEP = 0.4  # of A T^2, which a robot may execute at once
-_SEEN = 0.3  # of that step
-_RESPONSE = 0.2  # [s] in which an arm has to respond
+_STILL = 5e-4  # [rad] that an arm at rest moves at most
+_REST = 0.1  # [s] for which it has not moved further
+_SERVO = 5e-3  # [rad] of a servo's error at rest
+
+
+class HeldReference:
+    """Keeps the reference of an arm at rest where the arm is, also if others have moved it.
+
+    A servo that follows the reference explains an error, too: what is left of its lag, and how far
+    the arm sags. An arm that sagged would sink for ever if its reference was placed where it is,
+    again and again. So that is done once it is at rest; if it then goes on as if it was following,
+    the error is its servo's. No servo explains more than the following error at which an arm counts
+    as stopped: such an arm is followed until it is at rest.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.begin(np.zeros(controller.model.n))
+
+    def begin(self, q: JointPositions, *, followed: bool = False) -> None:
+        """The reference is held from now on; `followed`: by an arm that has followed it."""
+        self._servo = np.zeros(len(q))  # its error, (n,) [rad]
+        self._stood = q
+        self._still = 0.0  # [s] for which it has stood there
+        self._is_carried = False  # by others
+        self._settles = followed  # the error once it is at rest is the servo's
+
+    def is_left(self, q: JointPositions) -> bool:
+        """Whether an arm at rest at q is elsewhere than its servo explains."""
+        return largest(q - self._controller.reference - self._servo) > _SERVO
+
+    def update(self, q: JointPositions, seconds: Seconds) -> None:
+        """Record where the arm is; place the reference there if it is not where it was held."""
+        controller = self._controller
+        if largest(q - self._stood) > _STILL:
+            self._stood = q
+            self._still = 0.0
+        self._still += seconds
+        is_at_rest = self._still >= _REST
+        error = q - controller.reference - self._servo
+        away = largest(error)
+        is_carried = self._is_carried or away > controller.robot_interface.following_tolerance
+        self._is_carried = is_carried and not is_at_rest
+        if not is_carried and (away <= _SERVO or not is_at_rest):
+            self._settles = self._settles and not is_at_rest
+        elif self._settles and not is_carried:
+            self._servo = self._servo + error
+            self._settles = False
+        else:
+            controller.hold_at(q - self._servo)
+            self._settles = True
+            self._still = 0.0 if is_at_rest else self._still
 
 
 class Approach:
-    """Velocities to a configuration, through all limits of the controller, which follows them.
+    """Velocities to a configuration, through all limits of the controller, which follows them."""
 
-    Args:
-        q: Where the arm is.
-        is_probe: Take a step instead, so small that the robot may execute it at once, and which
-            shows whether it executes commands.
-    """
-
-    def __init__(self, controller: Controller, q: JointPositions, *, is_probe: bool) -> None:
-        self.is_probe = is_probe
-        self.left = _RESPONSE if is_probe else math.inf  # time to move or arrive [s]
+    def __init__(self, controller: Controller, q: JointPositions) -> None:
         self._controller = controller
         self._q = q
-        self._target = q
-        if is_probe:
-            model = controller.model
-            A = np.array(model.arm.acceleration_limit or (_ACCELERATION,) * model.n)
-            middle = np.nan_to_num((model.q_min + model.q_max) / 2.0)
-            self._target = q + np.copysign(_STEP * A * controller.T**2, middle - q)
         controller.follow_joints(True)
 
-    def is_over(self, q: JointPositions) -> bool:
-        """Whether the input may be followed a cycle later, with the arm measured at q."""
-        self.left -= self._controller.T
-        if self.is_probe:
-            return bool((np.abs(q - self._q) > _SEEN * np.abs(self._target - self._q)).any())
-        return float(np.abs(self._target - self._controller.reference).max()) <= _ARRIVED
+    @property
+    def is_over(self) -> bool:
+        """Whether the input may be followed from the next cycle on."""
+        return largest(self._q - self._controller.reference) <= _ARRIVED
 
     def velocity(self) -> JointVelocities:
-        """The velocity from which all joints can stop at their targets."""
-        rest = self._target - self._controller.reference
+        """The velocity from which all joints can stop there."""
+        rest = self._q - self._controller.reference
         T = self._controller.T
         allowed = [
             min(stopping_speed(abs(d), _ACCELERATION, T), V)

@@ -12,7 +12,7 @@ from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.approach import Approach
+from redres_ros.loop.approach import Approach, HeldReference
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
@@ -92,6 +92,7 @@ class CommandLoop:
         self.faults = FaultMonitor(controller)
         self.safety_filter = SafetyFilter(controller)
         self._pose_hold = PoseHold(controller)
+        self._held_reference = HeldReference(controller)
         # What comes before the input is followed, while that lasts.
         self._approach: Approach | None = None
         self.mode = Mode.HOLDING
@@ -107,6 +108,7 @@ class CommandLoop:
         self._expecting = settings.lockstep  # that velocities go on to come
         self.is_connected = True
         self._is_commanding = True  # by the robot's session; a robot without one takes commands
+        self._has_session = False
         # In lock-step the first command begins command mode, so the tick in which the news of that
         # arrives must not matter.
         self._undecided = settings.lockstep
@@ -146,11 +148,7 @@ class CommandLoop:
         """What blocks motion, and the remedy; empty if nothing does."""
         if reason := self.faults.reason:
             return f'{reason}; controller/hold with false, or a new motion, lets it go on'
-        if self._cycles.rate_error:
-            return self._cycles.rate_error
-        if self.mode is not Mode.HOLDING or self._newest is None:
-            return ''
-        return self.faults.holding_problem(self._newest.q)
+        return self._cycles.rate_error
 
     @property
     def warning(self) -> str:
@@ -191,6 +189,7 @@ class CommandLoop:
 
         One that begins to take commands executes them, whatever it did before.
         """
+        self._has_session = True
         self._undecided = self._undecided and state not in COMMANDING
         self._is_commanding = state in COMMANDING or self._undecided
         if self._is_commanding and not self.faults.executes:
@@ -241,8 +240,11 @@ class CommandLoop:
         if stamp != before or not stamp:
             # A robot whose clock has made a step against this computer's is another one.
             step = (stamp - before) / NANOSECONDS - now + cycles.arrived
+            is_another = not before or abs(step) >= _CLOCK_STEP
             if cycles.enter(stamp, now) == 0:
-                self._begin_anew(q if before and abs(step) < _CLOCK_STEP else None)
+                self._begin_anew(None if is_another else q)
+                if before and is_another:  # it says itself when it takes commands
+                    self._is_commanding = not self._has_session
             if self._waiting:
                 self._expecting = False  # the robot did not wait, so nothing else need
         self._newest = _State(stamp, cycles.number, q, now)
@@ -258,12 +260,14 @@ class CommandLoop:
         controller = self._controller
         published = controller.published
         is_held = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
-        is_away = q is None or self.faults.is_away(q)
+        is_left = q is None or self.faults.is_away(q)
+        if q is not None and published and self._interface.forwards_commands:
+            is_left = self._held_reference.is_left(q)
         self.faults.clear()
         self.faults.begin()
         self.input.buffer.clear()
         self._end_approach()
-        if published is None or is_away or not is_held:
+        if published is None or is_left or not is_held:
             controller.restart()
         else:
             controller.hold_at(published.q)
@@ -405,6 +409,7 @@ class CommandLoop:
             )
             self._end_approach()
             controller.hold_at(published.q if holds else state.q)
+            self._held_reference.begin(state.q)
             self.mode = Mode.HOLDING
         return 0
 
@@ -412,9 +417,8 @@ class CommandLoop:
         """Update measurements beside positions, and notice faults, or that one is over."""
         measurements = self.measurements
         faults = self.faults
-        approach = self._approach
         blocked = not self._active or self._held or self._cycles.rate_error or faults.reason
-        if blocked or approach:
+        if blocked or self._approach:
             measurements.restart()
         if not measurements.is_idle or measurements.contact.settings.enabled:
             try:
@@ -424,11 +428,8 @@ class CommandLoop:
                 measurements.restart()
         asks = not stale and largest(dx) > _NO_TASK
         asks = asks or (self.mode is Mode.MOVING and measurements.asks)
-        is_probed = approach is not None and approach.is_probe
-        moves = self.mode in MOVING_MODES and not is_probed
+        moves = self.mode in MOVING_MODES
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
-        if approach and is_probed and approach.left <= 0.0:
-            faults.set_not_executing()
 
     def _change_mode(self, state: _State, dx: TaskVelocity, stale: bool) -> bool:
         """Switch to the mode of this state; returns whether more than silence blocks motion.
@@ -444,7 +445,7 @@ class CommandLoop:
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
-        asked = allowed and (largest(dx) > 0.0 or faults.is_probing)
+        asked = allowed and largest(dx) > 0.0
         if (self._yields_alone or measurements.asks) and not blocked and not faults.reason:
             # An arm that only follows what is measured comes to rest after it by itself; one whose
             # velocity ends brakes first.
@@ -478,12 +479,12 @@ class CommandLoop:
             controller.hold_at(state.q)
         if self.mode is Mode.MOVING:
             self._pose_hold.clear()
-            is_probe = self.faults.is_probing
-            if is_probe or self.faults.is_away(state.q):
-                self._approach = Approach(controller, state.q, is_probe=is_probe)
+            if self.faults.is_away(state.q):
+                self._approach = Approach(controller, state.q)
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.hold_at(controller.reference)
+            self._held_reference.begin(state.q, followed=before in MOVING_MODES)
         else:
             self.measurements.restart()
 
@@ -510,6 +511,9 @@ class CommandLoop:
         elif self.mode is not Mode.MOVING:
             if self.mode is Mode.MIRRORING or controller.published is None:
                 controller.hold_at(q)
+                self._held_reference.begin(q)
+            elif self._interface.forwards_commands:
+                self._held_reference.update(q, (missed + 1) * controller.T)
             self.safety_filter.reason = ''
             return controller.hold_command()
         elif approach:
@@ -533,7 +537,6 @@ class CommandLoop:
         command = controller.commit(self.safety_filter.admit(plan))
         if is_yielding:
             measurements.contact.record(command, dx)
-        if approach and self.mode is Mode.MOVING and approach.is_over(q):
+        if approach and self.mode is Mode.MOVING and approach.is_over:
             self._end_approach()
-            self.faults.is_probing = False
         return command

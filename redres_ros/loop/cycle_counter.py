@@ -156,10 +156,10 @@ class CycleCounter:
         return cycles
 
     def _step(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
-        """0 for a robot that was started again, 1 for a clock that was set back.
+        """Cycles to a state of another clock; 0 for a robot that was started again.
 
-        The robot was silent before, or says so twice. A single state with such a stamp is none: it
-        came too late, or from a recording that is played.
+        That one was silent before. One whose clock was set says so twice, of which the first is a
+        cycle without a state: a single one came too late, or from a recording that is played.
         """
         step = stamp - self.newest
         is_second = 0 < stamp - self._apart < 2 * self.period
@@ -171,6 +171,8 @@ class CycleCounter:
                 f'stamp, by at most {_NEW_CLOCK / NANOSECONDS:g} s, or a second state like it'
             )
         self._set(stamp, arrived)
+        if self.newest and is_second:
+            return 2
         return int(self.newest > 0 and abs(step) <= _NEW_CLOCK)
 
     def _judge_rate(self) -> None:

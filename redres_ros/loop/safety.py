@@ -18,7 +18,7 @@ import numpy as np
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
 from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
-from redres_ros.types import Cycles, JointAccelerations, JointPositions, JointVelocities, Radians
+from redres_ros.types import Cycles, JointAccelerations, JointPositions, JointVelocities
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
@@ -30,7 +30,6 @@ _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
 _AWAY = 3.0  # states in short succession that are away from the reference; encoders may fail once
 _AWAY_DECAY = 0.1  # of these for each good one
-_PROBE_TIME = 0.5  # [s] between probes of whether an arm that does not move is moved again
 _PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
 _SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
 _SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
@@ -45,7 +44,6 @@ class FaultMonitor:
         reason: Of the fault; empty without one.
         executes: False for an arm that does not move at all.
         released: The motion that was stopped is no longer commanded.
-        is_probing: Motion begins with a probe of whether the arm moves.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -53,7 +51,6 @@ class FaultMonitor:
         self._controller = controller
         self._model = controller.model
         self._allowed = controller.robot_interface.following_tolerance  # [rad]
-        self._until_probe = 0.0  # [s]
         self._pause = 0.0  # [s] for which no motion was asked for
         self._references: deque[JointPositions] = deque(maxlen=max(round(_DELAY / controller.T), 1))
         self.clear()
@@ -77,19 +74,11 @@ class FaultMonitor:
             self.released = False
             self._pause = 0.0
 
-    def set_not_executing(self) -> None:
-        """The arm does not move at all. Whether it does again is probed now and then."""
-        self.set('the arm does not move: the robot executes no commands')
-        self.executes = False
-        self.is_probing = False
-        self._until_probe = _PROBE_TIME
-
     def clear(self) -> None:
         """There is none any more."""
         self.reason = ''
         self.executes = True
         self.released = False
-        self.is_probing = False
 
     def update(
         self, q: JointPositions, cycles: Cycles, *, asks: bool, stale: bool, moves: bool
@@ -105,16 +94,13 @@ class FaultMonitor:
         self.released = self.released or (stale and self._pause >= _PAUSE)
         if asks and self.reason and (self.released or self._pause >= _PAUSE):
             self.clear()
-        if not stale and not self.executes:
-            self._until_probe -= seconds
-            if self._until_probe <= 0.0:
-                self.clear()
-                self.is_probing = True
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
         published = self._controller.published
         if not moves or self.reason or published is None:
             return
+        if cycles > 1:
+            published = self._controller.bridged(published, cycles - 1)
         update_peak(self._fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
         lag, joint = largest_excess(published.q, q, self._fast, _LAG_TIME)
         if lag <= self._allowed:
@@ -132,7 +118,8 @@ class FaultMonitor:
         self._elapsed += seconds
         widen(self._lower, self._upper, published.q, delayed, q)
         if self._elapsed >= _SHORTEST and not self._has_moved(published.q, delayed, q):
-            self.set_not_executing()
+            self.set('the arm does not move: the robot executes no commands')
+            self.executes = False
         if self._settling > _SETTLING_TIME and largest(published.dq) > _SETTLED:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
@@ -148,41 +135,10 @@ class FaultMonitor:
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
 
-    def _lag(self, q: JointPositions) -> tuple[Radians, int]:
-        """How far the joint furthest behind is from its reference, and which one it is.
-
-        What a servo may be behind a moving reference does not count.
-        """
-        published = self._controller.published
-        q_ref = q if published is None else published.q
-        return largest_excess(q_ref, q, self._fast, _LAG_TIME)
-
     def is_away(self, q: JointPositions) -> bool:
-        """Whether an arm measured at q is not where its reference is."""
-        return self._lag(q)[0] > self._allowed
-
-    def holding_problem(self, q: JointPositions) -> str:
-        """Why an arm at rest, measured at q, cannot stay at its reference; or ''."""
-        controller = self._controller
-        if controller.published is None:
-            return ''
-        lag, joint = self._lag(q)
-        if lag > self._allowed:
-            return (
-                f'held, and {self._model.joint_names[joint]} is measured {lag:.3g} rad from its '
-                'reference: the next motion begins with an approach to where the arm is'
-            )
-        command = controller.hold_command()
-        limits = controller.policy.limits
-        bounds = limits and limits.at(command.state, command.T)
-        if not bounds or bounds.allow(command.dq):
-            return ''
-        _, active = bounds.nearest(command.dq, None, [])
-        name = active.name if active else ''
-        return (
-            f'held where a limit does not allow it ({name}): a task velocity moves it back '
-            'within its limits, or change that limit'
-        )
+        """Whether an arm at rest, measured at q, is not where its reference is."""
+        published = self._controller.published
+        return published is not None and largest(q - published.q) > self._allowed
 
 
 class SafetyFilter:
