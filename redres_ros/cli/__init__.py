@@ -4,7 +4,6 @@ What takes long to load is loaded within functions, so that Ctrl-C meanwhile end
 """
 
 import os
-import re
 import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
@@ -25,7 +24,6 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
     '--teleop': '--view',
     '--help-gains': 'redres laws',
 }
-_NO_VALUE = re.compile('--[^=]+=')
 _PLUGIN = '--plugin'
 
 
@@ -80,7 +78,7 @@ def _run_command(given: list[str]) -> int:
     _load_plugins(given)
     parser = make_parser()
     options, others = parser.parse_known_args(given)
-    others += [word for word in given if not word or _NO_VALUE.fullmatch(word)]
+    others += [word for word in given if not word or word.endswith('=')]
     if others:
         parser.prog = f'redres {options.command}'
         parser.error(_refusal(others))

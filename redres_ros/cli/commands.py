@@ -2,9 +2,6 @@
 
 import argparse
 import inspect
-import shutil
-import sys
-import textwrap
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -19,13 +16,12 @@ from redres_ros.cli.options import (
     option,
     read_settings,
 )
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import UnknownNameError
+from redres_ros.loop.cycle_counter import RATES
 
 if TYPE_CHECKING:
     from redres_ros.parameter import Gain
 
-_NAME_WIDTH = 26  # columns
-_NARROWEST = 60  # columns; text beside the names needs some
 _PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
 
 _HEADS = {
@@ -40,8 +36,8 @@ def add(commands: Any) -> None:
     """Declare the subcommands."""
     claims = "the paper's figures and claims, without ROS"
     reproduce = add_command(commands, _reproduce, claims, '--out figures')
-    figures = 'directory for figures and table'
-    option(reproduce, '--out', 'DIR', figures, Path('redres_reproduce'))
+    out = Path('redres_reproduce')
+    option(reproduce, '--out', 'DIR', 'directory for figures and table', out)
 
     add_command(
         commands,
@@ -79,12 +75,13 @@ def add(commands: Any) -> None:
         '--robot iiwa7 --rate 100  # before the controller is started',
         '# beside a running controller',
     )
-    look = 'how long to observe the graph [s]'
     robot = "the arm, while no controller runs yet; default: the controller's"
-    option(check, '--duration', 'S', look, 4.0, within=(0.5, 60.0, 's'))
+    within = (0.5, 60.0, 's')
+    option(check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=within)
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
-    option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
+    rate = 'rate of the states [Hz], with --robot'
+    option(check, '--rate', 'HZ', rate, 500.0, within=(*RATES, 'Hz'))
     option(check, '--states', 'TOPIC', 'topic of the states', 'joint_states', type=graph_name)
     add_graph(check)
 
@@ -119,35 +116,32 @@ def _laws(options: argparse.Namespace) -> int:
     from redres_ros.limits import LIMITS
     from redres_ros.preferences import PREFERENCES
     from redres_ros.robots import ARMS
+    from redres_ros.simulation.report import facts, print_tables
     from redres_ros.tasks import TASKS
 
+    shown = []
     gains: dict[str, Gain] = {}
     for table in (LAWS, PREFERENCES, TASKS, LIMITS):
-        print(_HEADS[table.kind])
+        rows = []
         for name, cls in table.items():
             first, _, _ = (inspect.getdoc(cls) or '').partition('\n\n')
-            _print_entry(name, ' '.join(first.split()))
-        print()
+            rows.append((name, ' '.join(first.split())))
+        shown.append(facts(rows, title=_HEADS[table.kind]))
         gains |= {gain.key: gain for gain in table.gains()}
-    print('gains, --set NAME=VALUE')
-    for key, gain in gains.items():
-        _print_entry(key, f'{gain.parameter.description}; default: {_shown(gain.default)}')
-    print('\nrobots, --robot NAME: arms; or any other from its URDF file')
+    rows = [
+        (key, f'{gain.parameter.description}; default: {_shown(gain.default)}')
+        for key, gain in gains.items()
+    ]
+    shown.append(facts(rows, title='gains, --set NAME=VALUE'))
+    rows = []
     for name, arm in ARMS.items():
         moved = ''
         if arm.base_offset or arm.tool_offset:
             moved = f', base {arm.base_offset:g} m higher, tool of {arm.tool_offset:g} m'
-        _print_entry(name, f'{len(arm.start)} joints, task {arm.task}{moved}')
+        rows.append((name, f'{len(arm.start)} joints, task {arm.task}{moved}'))
+    title = 'robots, --robot NAME: arms; or any other from its URDF file'
+    print_tables(*shown, facts(rows, title=title))
     return 0
-
-
-def _print_entry(name: str, text: str) -> None:
-    """A name with its description: wrapped in a terminal, elsewhere in one line for grep."""
-    line = f'{name:<{_NAME_WIDTH - 1}} {text}'
-    if sys.stdout.isatty():
-        width = shutil.get_terminal_size().columns
-        line = textwrap.fill(line, max(width, _NARROWEST), subsequent_indent=' ' * _NAME_WIDTH)
-    print(line)
 
 
 def _shown(default: Any) -> str:
@@ -193,13 +187,10 @@ def _watch(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.runtime import joined_domain, spun
     from redres_ros.preflight.snapshot import SnapshotNode
     from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
 
-    if not RATES[0] <= options.rate <= RATES[1]:
-        raise RangeError('rate', options.rate, *RATES, 'Hz')
     expected = None
     if options.robot is not None:
         expected = ExpectedArm(options.robot, options.tip, options.rate)

@@ -13,18 +13,20 @@ from redres_ros.cli.options import (
     OptionError,
     add_command,
     add_motion,
+    check_range,
     check_writable,
     made,
+    number_in,
     option,
 )
-from redres_ros.errors import RangeError
+from redres_ros.loop.cycle_counter import RATES
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
     from redres_ros.planning.waypoints import TaskEvent
 
-_SWITCHES = (0.0, 1e6)  # [s] after the task began
+_PERIODS = (1.0 / max(RATES), 1.0 / min(RATES), 's')
 _LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'composed')]
 
 
@@ -48,7 +50,7 @@ def add(commands: Any) -> None:
     duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
     domain = 'ROS domain; default: one that is free on this machine'
     switch = 'switch the law during the motion; may be repeated'
-    option(run, '--period', 'S', 'sampling time T [s]', 0.002)
+    option(run, '--period', 'S', 'sampling time T [s]', 0.002, within=_PERIODS)
     option(run, '--switch', 'LAW@SECONDS', switch, action='append')
     option(run, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
     run.add_argument('--lockstep', action='store_true', help=lockstep)
@@ -93,11 +95,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
     from redres_ros.demo.demo import START_PATIENCE, Demo
-    from redres_ros.loop.cycle_counter import RATES
 
-    slowest, fastest = RATES
-    if not 1.0 / fastest <= options.period <= 1.0 / slowest:
-        raise RangeError('--period', options.period, 1.0 / fastest, 1.0 / slowest, 's')
     default = 'side_to_side' if options.duration else 'rectangle'
     switches = tuple(map(_switch, options.switch or ()))
     laws = [options.law, *(switch.parameters['law'] for switch in switches)]
@@ -125,14 +123,9 @@ def _switch(text: str) -> 'TaskEvent':
     from redres_ros.planning.waypoints import TaskEvent
 
     law, _, moment = text.partition('@')
-    try:
-        seconds = float(moment)
-    except ValueError:
-        raise OptionError(
-            f'--switch {text}; expected LAW@SECONDS, such as minimum_velocity@4.5'
-        ) from None
-    if not _SWITCHES[0] <= seconds <= _SWITCHES[1]:
-        raise RangeError(f'the time of --switch {text}', seconds, *_SWITCHES, 's')
+    expected = 'LAW@SECONDS, such as minimum_velocity@4.5'
+    seconds = number_in('--switch', text, moment, expected)
+    check_range(f'the time of --switch {text}', seconds, DURATIONS)
     return TaskEvent(seconds, 'controller', {'law': law})
 
 

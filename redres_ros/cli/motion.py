@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.cli.options import NONE, OptionError, read_settings
+from redres_ros.cli.options import NONE, OptionError, number_in, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
@@ -109,12 +109,9 @@ def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
     gains = _checked_gains(case, laws)
     for name, equals, text in preferences:
         if equals:
-            try:
-                gains[f'{name.partition("@")[0]}.gain'] = float(text)
-            except ValueError:
-                raise OptionError(
-                    f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
-                ) from None
+            expected = 'NAME=GAIN, such as joint_centering=4'
+            gain = number_in('--prefer', f'{name}={text}', text, expected)
+            gains[f'{name.partition("@")[0]}.gain'] = gain
     if options.damping is not None:
         gains['damping'] = options.damping
     return replace(case, gains=gains)

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,9 +14,7 @@ NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
 DURATIONS = (0.0, 1e6, 's')  # of a run
 
-_NAMES = r'/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
-_A_TOPIC = 'a topic, such as joint_states'
-_A_NAMESPACE = 'names with / between them, such as left'
+_NAMES = r'(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*)?'  # with / between them
 _LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
 
 
@@ -89,25 +86,32 @@ def option(
         **others: As add_argument takes them, such as the type if there is no default.
     """
     kind: Any = others.pop('type', str if default is None else type(default))
-    read = _within(name, kind, *within) if within else kind
+
+    def read(text: str) -> Any:
+        value = kind(text)
+        if within:
+            check_range(name.lstrip('-'), value, within)
+        return value
+
+    read.__name__ = kind.__name__  # for argparse, which says: invalid int value
     if default not in (None, ''):
         says += f'; default: {default:g}' if isinstance(default, float) else f'; default: {default}'
     group.add_argument(name, type=read, metavar=metavar, default=default, help=says, **others)
 
 
-def _within(
-    name: str, kind: Callable[[str], float], lower: float, upper: float, unit: str
-) -> Callable[[str], float]:
-    """Reads a number in its range."""
+def check_range(name: str, value: float, within: tuple[float, float, str]) -> None:
+    """Raise RangeError for a number outside its range, which has a unit."""
+    lower, upper, unit = within
+    if not lower <= value <= upper:
+        raise RangeError(name, value, lower, upper, unit)
 
-    def read(text: str) -> float:
-        value = kind(text)
-        if not lower <= value <= upper:
-            raise RangeError(name.lstrip('-'), value, lower, upper, unit)
-        return value
 
-    read.__name__ = kind.__name__  # for argparse, which says: invalid int value
-    return read
+def number_in(option: str, text: str, number: str, expected: str) -> float:
+    """The number in an option's text. Raises OptionError."""
+    try:
+        return float(number)
+    except ValueError:
+        raise OptionError(f'{option} {text}; expected {expected}') from None
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
@@ -171,17 +175,15 @@ def add_graph(parser: argparse.ArgumentParser) -> None:
     domain = 'ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID'
     namespace = 'namespace of the arm, if there are several; default: none'
     option(parser, '--domain', 'ID', domain, type=int)
-    named = partial(graph_name, pattern=f'/?|{_NAMES}', expected=_A_NAMESPACE)
-    option(parser, '--namespace', 'NAME', namespace, '', type=named)
+    option(parser, '--namespace', 'NAME', namespace, '', type=graph_name)
 
 
-def graph_name(text: str, pattern: str = _NAMES, expected: str = _A_TOPIC) -> str:
-    """A topic's name as it is, or another of the graph. Raises argparse's own error."""
-    if not re.fullmatch(pattern, text, re.ASCII):
-        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
-    if len(text) > _LONGEST_NAME:
+def graph_name(text: str) -> str:
+    """The name of a topic or a namespace as it is. Raises argparse's own error."""
+    if len(text) > _LONGEST_NAME or not re.fullmatch(_NAMES, text, re.ASCII):
         raise argparse.ArgumentTypeError(
-            f'got {len(text)} characters; expected at most {_LONGEST_NAME}'
+            f'got {quoted(text)}; expected names with / between them, such as left/joint_states, '
+            f'of at most {_LONGEST_NAME} characters'
         )
     return text
 

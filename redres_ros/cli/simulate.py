@@ -16,6 +16,7 @@ from redres_ros.cli.options import (
     add_motion,
     check_writable,
     made,
+    number_in,
     option,
 )
 
@@ -171,12 +172,8 @@ def _laws(options: argparse.Namespace) -> _Laws:
     laws: _Laws = []
     for text in options.laws.split(','):
         name, at, own = text.strip().partition('@')
-        try:
-            laws.append((name, float(own) if at else None))
-        except ValueError:
-            raise OptionError(
-                f'--law {text}; expected a name or NAME@DAMPING, such as minimum_acceleration@5'
-            ) from None
+        expected = 'a name or NAME@DAMPING, such as minimum_acceleration@5'
+        laws.append((name, number_in('--law', text, own, expected) if at else None))
     return laws
 
 
