@@ -256,9 +256,9 @@ def _resolve_carefully(
     by which a lost direction is executed to the fraction s^2/e^2 and drops out for s = 0. With
     |u_i' dx| / fastest for e_i, if that is larger, none takes more than `fastest`.
     """
-    r = dx - J.dot(b)
-    if not (np.isfinite(J).all() and np.isfinite(r).all()):  # LAPACK may never come back from them
+    if not np.isfinite(J).all():  # LAPACK may never come back from it
         return np.full_like(b, np.nan), False
+    r = dx - J.dot(b)
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     rho = U.T.dot(r)
     e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(U.T.dot(dx)) / fastest)  # (k,)

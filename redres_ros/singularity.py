@@ -98,7 +98,7 @@ def _escape_direction(
         return None
     H = np.einsum('c,icj->ij', asked / size, dJ)  # (n, n)
     Z = Vt[kept:].T  # (n, n - kept)
-    curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z) / 2.0)
+    curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z))  # twice those of H
     if curvatures[-1] <= _NOTHING * float(np.linalg.norm(H)):
         return None
     z: JointVelocities = Z.dot(directions[:, -1])

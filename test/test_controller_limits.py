@@ -150,6 +150,24 @@ def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
     assert controller.update(task.start, FAST).s < 1.0
 
 
+@pytest.mark.parametrize('law', LAWS)
+def test_what_a_singularity_blocks_is_reported_throughout_a_start_and_a_switch(law, model):
+    """Of the stretched arm, the way outward: all of dx is executed or reported."""
+    controller = controller_of(model, law, switch_time=0.02)
+    dx = np.array((0.1, 0.0, 0.05))
+    fractions = []
+    for tick in range(30):
+        if tick == 12:
+            controller.switch_law(make_law('minimum_kinetic_energy', damping=3.0))
+        command = controller.update(np.zeros(7), dx)
+        seen = command.J @ command.dq + command.unachieved
+        fractions.append(float(seen @ dx / (dx @ dx)))
+        assert seen == pytest.approx(fractions[-1] * dx, abs=1e-9)
+        assert command.unachieved[2] > 0.0
+    assert np.diff(fractions[:10]).min() > 0.0
+    assert fractions[9:] == pytest.approx(np.ones(21))
+
+
 # --- recovery -------------------------------------------------------------------------------------
 
 

@@ -167,11 +167,13 @@ def test_what_a_robot_sees_after_lost_commands_keeps_the_limits(lost):
         assert np.abs(v).max() <= joints.V * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize('law', LAWS)
-def test_commands_keep_the_jerk_through_switches_and_stops_that_end_at_rest(law):
+@pytest.mark.parametrize(('law', 'lost'), [*((law, 0) for law in LAWS), ('minimum_velocity', 3)])
+def test_commands_keep_the_jerk_through_switches_and_stops_that_end_at_rest(law, lost):
     model = RobotModel.named('fr3')
     T = 0.001
-    controller = Controller(model, law, T, task='pose', limits=ALL, switch_time=0.05)
+    interface = replace(ROBOT_INTERFACES['fci'], lost=lost)
+    options = {'task': 'pose', 'limits': ALL, 'robot_interface': interface}
+    controller = Controller(model, law, T, switch_time=0.05, **options)
     random = np.random.default_rng(0)
     q = np.array(model.arm.start)
     ddq = np.zeros(7)

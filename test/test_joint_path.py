@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel
+from redres_ros import Controller, RobotModel
+from redres_ros.loop.approach import Approach
 from redres_ros.planning.joint_path import JointPath, path_to
 
 T = 0.001  # [s]
@@ -96,3 +97,20 @@ def test_a_joint_of_several_turns_goes_the_shortest_way_within_its_range() -> No
     # Joints 3 and 5 have their home in the middle, so a turn from there is where the range ends.
     turns = (path.reference(q, path.duration).q_d - home) / TURN
     assert turns == pytest.approx((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_an_approach_is_over_once_the_reference_is_where_the_arm_was_measured() -> None:
+    model = RobotModel.named('fr3')
+    controller = Controller(model, 'minimum_velocity', T)
+    start = np.array(model.arm.start)
+    controller.hold_at(start)
+    q = start + 0.02 * np.cos(np.arange(model.n))
+    approach = Approach(controller, q, is_probe=False)
+    is_over = False
+    for _ in range(2000):
+        if is_over:
+            break
+        controller.update(start, approach.velocity())
+        is_over = approach.is_over(start)
+        assert is_over is bool(np.abs(controller.reference - q).max() <= 1e-6)
+    assert is_over

@@ -299,6 +299,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('changes', CHANGES, ids=range(len(CHANGES)))
 def test_what_is_no_problem_is_refused_by_name_in_one_line(changes):
     J, dx, b, W = random_problem(3, 7, 0)
