@@ -13,7 +13,6 @@ from graph_helpers import START
 from lifecycle_msgs.msg import Transition
 from own_ros import ros
 from rclpy.lifecycle import TransitionCallbackReturn
-from std_srvs.srv import Trigger
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros.nodes.conversions import to_joint_state, to_twist
@@ -109,12 +108,12 @@ class TestWithin:
         self, start_inactive: None
     ) -> None:
         planner = PlannerNode()
-        response = planner._on_start(Trigger.Request(), Trigger.Response())
+        response = planner._respond('planner/start', planner._start_task)
         assert (response.success, 'inactive' in response.message) == (False, True)
         planner._on_target(PoseStamped())
         assert 'inactive' in planner._inputs.reasons
         assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
-        response = planner._on_start(Trigger.Request(), Trigger.Response())
+        response = planner._respond('planner/start', planner._start_task)
         assert 'no joint_states' in response.message  # it would begin with a robot
 
     def test_an_inactive_sim_neither_sends_nor_receives(self, start_inactive: None) -> None:

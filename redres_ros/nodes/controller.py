@@ -23,8 +23,8 @@ from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
-    TwistTransformer,
     from_twist,
+    to_base,
     to_joint_state,
     to_nanoseconds,
 )
@@ -114,7 +114,7 @@ class ControllerNode(ManagedNode):
         self._loop = CommandLoop(self._controller, loop_settings, self._sensors.contact)
         self._loop.deactivate()
         frame = settings.base_frame or model.base_frame
-        self._transformer = TwistTransformer(model, frame)
+        self._base_frames = ('', frame, model.base_frame)
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
         self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
         self._forwarding: Forwarding | None = None
@@ -165,8 +165,9 @@ class ControllerNode(ManagedNode):
         stamp = to_nanoseconds(message.header.stamp)
         dx = from_twist(message)
         check_finite(dx, 'cartesian_velocity')
-        if self._loop.q is not None:
-            dx = self._transformer.to_base(dx, message.header.frame_id, self._loop.q)
+        frame = message.header.frame_id
+        if self._loop.q is not None and frame not in self._base_frames:
+            dx = to_base(dx, self._controller.model, frame, self._loop.q)
         return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
@@ -190,21 +191,18 @@ class ControllerNode(ManagedNode):
         if self._loop.mode.value != self._words.get(MODE):
             self._report()
         if response is not None:
-            self._publish(response)
+            # The planner is to know of another scaling before the state after this one.
+            self._telemetry.publish_change(response.scaling)
+            command = response.command
+            message = to_joint_state(response.stamp, self._joints.names, command.q_ref, command.dq)
+            self._command_publisher.publish(message)
+            if self._forwarding:
+                self._forwarding.publish(command.q_ref)
+            self._loop.note_sent(time.monotonic())
+            self._telemetry.publish(response, self._controller.policy)
         self._inputs.accept(source)
         if self._loop.warning:
             self._report()
-
-    def _publish(self, response: Response) -> None:
-        # The planner is to know of another scaling before the state after this one.
-        self._telemetry.publish_change(response.scaling)
-        command = response.command
-        message = to_joint_state(response.stamp, self._joints.names, command.q_ref, command.dq)
-        self._command_publisher.publish(message)
-        if self._forwarding:
-            self._forwarding.publish(command.q_ref)
-        self._loop.note_sent(time.monotonic())
-        self._telemetry.publish(response, self._controller.policy)
 
     def _report(self) -> None:
         """Publish a new mode, and log its reason."""

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Wrench
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError, one_line
+from redres_ros.errors import ArrayError, JointNamesError, RedresError, one_line
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.robot_model import RobotModel
@@ -157,24 +157,12 @@ class JointMapper:
         return values if is_ours else values[[names.index(name) for name in self.names]]
 
 
-class TwistTransformer:
-    """Turns velocities of the tip from the axes of any link into those of the base, which may have
-    a further name.
+def to_base(dx: Twist, model: RobotModel, frame: str, q: JointPositions) -> Twist:
+    """A velocity of the tip in the axes of the base, from those of any link. Raises RedresError for
+    an unknown frame.
     """
-
-    def __init__(self, model: RobotModel, base_frame: str) -> None:
-        self._model = model
-        self._base_frames = ('', base_frame, model.base_frame)
-
-    def to_base(self, dx: Twist, frame: str, q: JointPositions) -> Twist:
-        """The same velocity in the axes of the base. Raises RedresError for an unknown frame."""
-        if frame in self._base_frames:
-            return dx
-        try:
-            _, R = self._model.pose(q, frame)
-        except UnknownNameError as error:
-            raise _FrameError(f'cartesian_velocity: {error}') from None
-        return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
+    _, R = model.pose(q, frame)
+    return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
 
 
 def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, Rotation]:

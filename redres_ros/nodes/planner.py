@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -43,6 +44,8 @@ from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, Tas
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Position, Rotation
+
+_Begin = Callable[[JointPositions], str]
 
 # Fraction of a cycle that is left to controller and robot before the planner computes.
 _HEADSTART = 0.15
@@ -109,8 +112,9 @@ class PlannerNode(ManagedNode):
         subscribe(String, topics.ACTIVE_LIMITS, self._on_limits, NEWEST)
         subscribe(String, topics.REASON, self._on_stop_reason, LATCHED)
         subscribe(PoseStamped, 'target_pose', self._on_target, PUBLISH)
-        self.create_service(Trigger, 'planner/start', self._on_start)
-        self.create_service(Trigger, 'planner/home', self._on_home)
+        begins = {'planner/start': self._start_task, 'planner/home': self._go_home}
+        for service, begin in begins.items():
+            self.create_service(Trigger, service, partial(self._respond, service, begin))
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
     # --- states -----------------------------------------------------------------------------------
@@ -120,27 +124,22 @@ class PlannerNode(ManagedNode):
             return
         self._watchdog.feed()
         try:
-            self._enter_state(message)
+            stamp = to_nanoseconds(message.header.stamp)
+            q = self._joints.positions(message)
+            x, R = self._model.tip(q)
+            self._q = q
+            step = self._run.enter_state(stamp, q, x, R, time.monotonic())
         except RedresError as error:
             self._inputs.refuse('joint_states', error)
             return
+        if step and step.dq is not None:
+            self._joint_publisher.publish(to_joint_state(stamp, self._joints.names, q, step.dq))
+        if step and step.dx is not None:
+            self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
+        if step and self._telemetry.subscribed:
+            self._publish_reference(step, R)
         self._inputs.accept('joint_states')
         self._publish_state()
-
-    def _enter_state(self, message: JointState) -> None:
-        stamp = to_nanoseconds(message.header.stamp)
-        q = self._joints.positions(message)
-        x, R = self._model.tip(q)
-        self._q = q
-        step = self._run.enter_state(stamp, q, x, R, time.monotonic())
-        if step is None:
-            return
-        if step.dq is not None:
-            self._joint_publisher.publish(to_joint_state(stamp, self._joints.names, q, step.dq))
-        if step.dx is not None:
-            self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
-        if self._telemetry.subscribed:
-            self._publish_reference(step, R)
 
     def _trace(self) -> tuple[Position, ...]:
         """Where tip and elbow are; empty before the first state."""
@@ -208,35 +207,23 @@ class PlannerNode(ManagedNode):
             return
         self._inputs.accept('target_pose')
 
-    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._respond('planner/start', response, self._start_task)
-
-    def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._respond('planner/home', response, self._go_home)
-
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        response.message = 'nothing is running'
+        message = 'nothing is running'
         if self._run.state in UNDER_WAY:
-            response.message = 'the arm comes to rest; planner/start begins the task again'
+            message = 'the arm comes to rest; planner/start begins the task again'
         self._end()
-        return response
+        return Trigger.Response(success=True, message=message)
 
-    def _respond(
-        self, service: str, response: Trigger.Response, begin: Callable[[JointPositions], str]
-    ) -> Trigger.Response:
+    def _respond(self, service: str, begin: _Begin, *_: object) -> Trigger.Response:
         """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
         try:
-            response.message = f'{task}: {begin(self._check_ready())}'
-            response.success = True
+            message = begin(self._check_ready())
         except RedresError as error:
             self._inputs.refuse(service, error)
-            response.message = f'{task}: {error}'
-            response.success = False
-        else:
-            self._inputs.accept(service)
-        return response
+            return Trigger.Response(success=False, message=f'{task}: {error}')
+        self._inputs.accept(service)
+        return Trigger.Response(success=True, message=f'{task}: {message}')
 
     def _start_task(self, q: JointPositions) -> str:
         """Begin the task with the joints at q; returns what will happen."""
@@ -259,9 +246,9 @@ class PlannerNode(ManagedNode):
     def _announced_home(self, q: JointPositions) -> str:
         """Describes the motion from q to the start of the task; empty at the start."""
         path = self._goals.path_home(q)
-        return (
-            f'the joints go to its start first, which takes {path.duration:.3g} s' if path else ''
-        )
+        if path is None:
+            return ''
+        return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
     def _check_ready(self) -> JointPositions:
         """Where the joints are; raises GoalError or LifeError if nothing may begin."""

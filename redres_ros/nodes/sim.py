@@ -199,9 +199,12 @@ class SimNode(ManagedNode):
         self._arrival.clear()
         # Before the state, so that a controller has them when it responds.
         self._telemetry.publish('wrench', lambda: self._wrench(stamp))
-        self._telemetry.publish('external_torques', lambda: self._external_torques(stamp))
         plant = self._plant
         names = plant.joint_names
+        self._telemetry.publish(
+            'external_torques',
+            lambda: to_joint_state(stamp, names, effort=plant.true.external_torques),
+        )
         state = to_joint_state(stamp, names, plant.q, plant.dq, plant.true.effort)
         self._states.send(state, tick)
         if self.active:
@@ -220,10 +223,6 @@ class SimNode(ManagedNode):
         torque = message.wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = measured.tolist()
         return message
-
-    def _external_torques(self, stamp: Nanoseconds) -> JointState:
-        torques = self._plant.true.external_torques
-        return to_joint_state(stamp, self._plant.joint_names, effort=torques)
 
     def _keep_time(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
@@ -265,11 +264,8 @@ class SimNode(ManagedNode):
         reason = self._session.reason
         self._reset_requested = True
         self._words.repeat()
-        response.success = True
-        response.message = (
-            f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'
-        )
-        return response
+        message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'
+        return Trigger.Response(success=True, message=message)
 
     def _begin(self) -> None:
         self._reset_requested = True
