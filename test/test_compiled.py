@@ -140,3 +140,24 @@ def test_where_no_folder_can_be_written_every_process_compiles_and_says_what_hel
     places['NUMBA_CACHE_DIR'] = str(tmp_path / 'cache')
     assert ask(kernels, **places)[0] == '12.0 1'
     assert ask(kernels, **places) == ('12.0 0', '')
+
+
+def test_of_processes_that_start_side_by_side_one_compiles(tmp_path):
+    program = tmp_path / 'program.py'
+    program.write_text(
+        'from numba import float64\n'
+        'from redres_ros.kernels.compiled import compiled\n'
+        "input('ready')\n"
+        '@compiled(float64(float64))\n'
+        'def double(x):\n'
+        '    return 2.0 * x\n'
+        'print(sum(double.stats.cache_misses.values()))\n'
+    )
+    pipes = {'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE}
+    three = [subprocess.Popen([sys.executable, '-u', program], **pipes) for _ in range(3)]
+    for process in three:
+        assert process.stdout.read(5) == b'ready'
+    for process in three:
+        process.stdin.write(b'\n')
+        process.stdin.flush()
+    assert sorted(process.communicate()[0] for process in three) == [b'0\n', b'0\n', b'1\n']

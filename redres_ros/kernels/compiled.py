@@ -7,6 +7,7 @@ looks at no other file. So each file here holds all that its functions call.
 
 import sys
 from collections.abc import Callable
+from fcntl import LOCK_EX, flock
 from functools import cache
 from typing import Any
 
@@ -28,7 +29,9 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         if _IN_PYTHON:
             return function
-        with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
+        # LLVM calls back into Python, where an interrupt would get lost.
+        with interruptible(), open(function.__code__.co_filename, encoding='utf-8') as source:
+            flock(source, LOCK_EX)  # of nodes that start side by side one compiles, others wait
             options: Any = {'error_model': 'numpy', 'no_cfunc_wrapper': True}  # nobody calls by C
             try:
                 made: Any = numba.njit(list(signatures), cache=True, **options)(function)
