@@ -298,20 +298,6 @@ def test_an_error_that_shows_when_the_graph_starts_is_one_line_too(tmp_path: Pat
     assert '3.3' in line and 'plant steps' in line  # refused by the sim
 
 
-def test_without_rclpy_the_demo_names_the_missing_package(tmp_path: Path) -> None:
-    program = (
-        "import sys; sys.modules['rclpy'] = None\nfrom redres_ros.cli import main\n"
-        f"sys.exit(main(['demo', '--out', {str(tmp_path)!r}]))"
-    )
-    done = subprocess.run(
-        [sys.executable, '-c', program], text=True, capture_output=True, timeout=60, check=False
-    )
-    assert done.returncode == 1
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert 'rclpy' in done.stderr
-    assert 'pip install' in done.stderr
-
-
 def descendants(pid: int) -> list[int]:
     """Processes whose parent is the given one."""
     return [

@@ -11,13 +11,13 @@ from redres_ros.cli.options import (
     DURATIONS,
     add_command,
     add_graph,
+    check_range,
     graph_name,
     made,
     option,
     read_settings,
 )
 from redres_ros.errors import UnknownNameError
-from redres_ros.loop.cycle_counter import RATES
 
 if TYPE_CHECKING:
     from redres_ros.parameter import Gain
@@ -80,8 +80,7 @@ def add(commands: Any) -> None:
     option(check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=within)
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
-    rate = 'rate of the states [Hz], with --robot'
-    option(check, '--rate', 'HZ', rate, 500.0, within=(*RATES, 'Hz'))
+    option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
     option(check, '--states', 'TOPIC', 'topic of the states', 'joint_states', type=graph_name)
     add_graph(check)
 
@@ -187,10 +186,12 @@ def _watch(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.runtime import joined_domain, spun
     from redres_ros.preflight.snapshot import SnapshotNode
     from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
 
+    check_range('rate', options.rate, (*RATES, 'Hz'))
     expected = None
     if options.robot is not None:
         expected = ExpectedArm(options.robot, options.tip, options.rate)

@@ -19,14 +19,12 @@ from redres_ros.cli.options import (
     number_in,
     option,
 )
-from redres_ros.loop.cycle_counter import RATES
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
     from redres_ros.planning.waypoints import TaskEvent
 
-_PERIODS = (1.0 / max(RATES), 1.0 / min(RATES), 's')
 _LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'composed')]
 
 
@@ -50,7 +48,7 @@ def add(commands: Any) -> None:
     duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
     domain = 'ROS domain; default: one that is free on this machine'
     switch = 'switch the law during the motion; may be repeated'
-    option(run, '--period', 'S', 'sampling time T [s]', 0.002, within=_PERIODS)
+    option(run, '--period', 'S', 'sampling time T [s]', 0.002)
     option(run, '--switch', 'LAW@SECONDS', switch, action='append')
     option(run, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
     run.add_argument('--lockstep', action='store_true', help=lockstep)
@@ -95,7 +93,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
     from redres_ros.demo.demo import START_PATIENCE, Demo
+    from redres_ros.loop.cycle_counter import RATES
 
+    check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
     default = 'side_to_side' if options.duration else 'rectangle'
     switches = tuple(map(_switch, options.switch or ()))
     laws = [options.law, *(switch.parameters['law'] for switch in switches)]
