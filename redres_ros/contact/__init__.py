@@ -15,11 +15,11 @@ from functools import partial
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 
 from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, RedresError
 from redres_ros.geometry import quintic, rotation_matrix
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotState
 from redres_ros.types import Cycles, Rotation, Seconds, TaskVelocity, Wrench
@@ -310,7 +310,7 @@ class ContactControl:
         e = self.e + self.T * self.de
         if len(e) > 3:  # turns about different axes are composed: their vectors do not add up
             R = rotation_matrix(self.T * executed[3:]) @ rotation_matrix(self.e[3:])
-            e[3:] = pin.log3(R @ rotation_matrix(-self.T * desired[3:]))
+            e[3:] = rotation_error(rotation_matrix(self.T * desired[3:]), R)
         self.e = e
         self._searched += self.T * float(executed[:3] @ self._toward)
 
