@@ -105,12 +105,11 @@ def test_an_approach_is_over_once_the_reference_is_where_the_arm_was_measured() 
     start = np.array(model.arm.start)
     controller.hold_at(start)
     q = start + 0.02 * np.cos(np.arange(model.n))
-    approach = Approach(controller, q, is_probe=False)
-    is_over = False
-    for _ in range(2000):
-        if is_over:
-            break
+    approach = Approach(controller, q)
+    ticks = 0
+    while not approach.is_over:
+        assert np.abs(controller.reference - q).max() > 1e-6
         controller.update(start, approach.velocity())
-        is_over = approach.is_over(start)
-        assert is_over is bool(np.abs(controller.reference - q).max() <= 1e-6)
-    assert is_over
+        ticks += 1
+        assert ticks < 2000
+    assert controller.reference == pytest.approx(q, abs=1e-6)
