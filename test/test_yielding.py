@@ -135,30 +135,28 @@ def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(force: A
     assert arm.loop.mode is Mode.MOVING
 
 
+SLOT = (-1e-4, 1e-4)  # [m]
+WALL = (-np.inf, 0.02)  # met fast: the force grows while the arm brakes
+
+
 @pytest.mark.parametrize(
-    ('sign', 'speed', 'slot', 'words', 'most'),
+    ('sign', 'speed', 'walls', 'words', 'most'),
     [
-        (1.0, 0.1, (-1e-4, 1e-4), 'the retreat met a force of', 127.0),  # the other side opposes it
-        (-1.0, 0.05, (-1e-4, 1e-4), 'the retreat met a force of', 230.0),  # it leads into the wall
-        (
-            1.0,
-            0.5,
-            (-1.0, 0.02),
-            'the tip has retreated',
-            200.0,
-        ),  # the force grows while the arm brakes
+        (1.0, 0.1, SLOT, 'the retreat met a force of', 127.0),
+        (-1.0, 0.05, SLOT, 'the retreat met a force of', 230.0),
+        (1.0, 0.5, WALL, 'the tip has retreated', 200.0),
     ],
 )
 def test_a_retreat_ends_where_the_force_opposes_it_or_grows(
-    sign: float, speed: float, slot: tuple[float, float], words: str, most: float
+    sign: float, speed: float, walls: tuple[float, float], words: str, most: float
 ) -> None:
-    """A peg meets the walls of a slot [m] of 50 kN/m; its sensor may have the wrong sign."""
+    """A peg meets walls of 50 kN/m; its sensor may have the wrong sign."""
     arm = PushedArm(replace(FREE, damping=(1000.0,) * 3, force_limit=80.0))
     pressed = []
 
     def between_walls(q: np.ndarray) -> np.ndarray:
         y = (MODEL.tip(q)[0] - arm.x0)[1]
-        force = 5e4 * (np.clip(y, *slot) - y)
+        force = 5e4 * (np.clip(y, *walls) - y)
         pressed.append(abs(force))
         return sign * np.array((0.0, force, 0.0))
 
