@@ -61,7 +61,7 @@ def test_imports_are_found():
 
 def test_libraries_are_imported_where_they_belong():
     places = {
-        'pinocchio': {'geometry', 'robots', 'robot_model', 'view'},
+        'pinocchio': {'contact', 'geometry', 'robots', 'robot_model', 'view'},
         'mujoco': {'fake_robot'},
         'viser': {'view'},
         'numba': {'kernels'},
