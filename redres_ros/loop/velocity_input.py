@@ -31,6 +31,7 @@ LINEAR_ACCELERATION = 2.0  # [m/s^2]
 ANGULAR_ACCELERATION = 6.0  # [rad/s^2]
 
 _DENSE = 2  # cycles between two velocities of a source that sends one a cycle, but for a few
+_RETURN = 4  # cycles for each one missed, over which an extrapolation fades out
 _EXTRAPOLATED = 10  # cycles at most over which a steady change goes on without new velocities
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
 # what was queued while the process slept is recognised only by its arrival.
@@ -150,7 +151,7 @@ class TwistBuffer:
             self._take(known, cycles)
         elif self._guesses < _EXTRAPOLATED and self._cycles_needed(self._slope) <= 1:
             self._target = self._target + cycles * self._slope
-        self._guesses = 0 if known else self._guesses + 1
+        self._guesses = 0 if known or self._sampled is None else self._guesses + 1
         self.missing += 0 < self._interval <= _DENSE and self._sampled != sampled
         if self._left:
             self._left -= 1
@@ -169,10 +170,11 @@ class TwistBuffer:
             self._newest = dx
         jump = self._target - dx
         self._target = dx
-        if self._interval > 1 or self._cycles_needed(jump) > cycles:
+        missed = max(self._interval - 1, 0) or _RETURN * self._guesses  # held up, then all at once
+        if missed or self._cycles_needed(jump) > cycles:
             self._residual = self._residual + jump
             needed = self._cycles_needed(self._residual)
-            self._left = max(self._left, self._interval, needed)
+            self._left = max(self._left, missed + 1, needed)
 
     def _cycles_needed(self, change: TaskVelocity) -> Cycles:
         """Over so many cycles a change keeps to the largest accelerations."""
