@@ -3,8 +3,7 @@ ros2_control.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -102,7 +101,7 @@ class Sensors:
         response = self._loop.newest_response
         if response is None:
             return
-        with self._judged(_TORQUES):
+        with self._inputs.judging(_TORQUES):
             efforts = self._joints.in_order(message.name, message.effort, 'efforts')
             self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
@@ -112,7 +111,7 @@ class Sensors:
             self._node.create_subscription(kind, topic, receive, NEWEST)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        with self._judged('wrench'):
+        with self._inputs.judging('wrench'):
             stamp = to_nanoseconds(message.header.stamp)
             frame = message.header.frame_id
             wrench = from_wrench(message.wrench)
@@ -120,25 +119,15 @@ class Sensors:
 
     def _on_torques(self, message: JointState) -> None:
         self.from_effort = False
-        with self._judged(_TORQUES):
+        with self._inputs.judging(_TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
             stamp = to_nanoseconds(message.header.stamp)
             self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
         """Record a measurement of any length that a preference or limit uses."""
-        with self._judged(name):
+        with self._inputs.judging(name):
             self._loop.measurements.enter(name, 0, np.array(message.data))
-
-    @contextmanager
-    def _judged(self, name: str) -> Iterator[None]:
-        """Note whether what is measured was accepted or refused, for the log and /diagnostics."""
-        try:
-            yield
-        except RedresError as error:
-            self._inputs.refuse(name, error)
-        else:
-            self._inputs.accept(name)
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._subscribe('wrench', WrenchStamped, self._on_wrench)

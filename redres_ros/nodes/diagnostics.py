@@ -1,14 +1,16 @@
 """A node's health: a log line when an event begins and one when it ends, and /diagnostics."""
 
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from redres_ros.errors import one_line
+from redres_ros.errors import RedresError, one_line
 from redres_ros.nodes.topics import PUBLISH, STEADY
 from redres_ros.types import Seconds
 
@@ -96,6 +98,16 @@ class InputMonitor:
         if source in self._bad:
             self._bad[source].over = True
 
+    @contextmanager
+    def judging(self, source: str) -> Iterator[None]:
+        """Refuse an input for a RedresError in the block, else accept it."""
+        try:
+            yield
+        except RedresError as error:
+            self.refuse(source, error)
+        else:
+            self.accept(source)
+
     @property
     def reasons(self) -> str:
         """What is bad at present, or was a moment ago, and why; empty when all is well."""
@@ -117,30 +129,27 @@ class Watchdog:
 
     def __init__(self, node: Node, rate: float, lockstep: bool) -> None:
         self._logger = node.get_logger()
-        self._timeout = max(_SILENCE, _SILENT_CYCLES / rate)
+        self._timeout = math.inf if lockstep else max(_SILENCE, _SILENT_CYCLES / rate)
         self._last = time.monotonic()
-        self._last_silence = self._last
+        self._back_since = self._last  # when the first state after the last silence came
         self._reported = False
-        self.silent = False
-        if not lockstep:
-            node.create_timer(self._timeout / 2.0, self._look, clock=STEADY)
+        node.create_timer(_SILENCE / 2.0, self._look, clock=STEADY)
+
+    @property
+    def silent(self) -> bool:
+        """Whether the last state came too long ago."""
+        return time.monotonic() - self._last > self._timeout
 
     def feed(self) -> None:
         """A state has come."""
-        now = time.monotonic()
-        if now - self._last > self._timeout:
-            self._last_silence = now  # which the timer may have missed if the machine stalled
-        self._last = now
-        self.silent = False
+        if self.silent:
+            self._back_since = time.monotonic()
+        self._last = time.monotonic()
 
     def _look(self) -> None:
-        now = time.monotonic()
-        self.silent = now - self._last > self._timeout
-        if self.silent:
-            self._last_silence = now
-            if not self._reported:
-                self._reported = True
-                self._logger.warning(f'no joint_states for {self._timeout:g} s')
-        elif self._reported and now - self._last_silence > _QUIET:
+        if self.silent and not self._reported:
+            self._reported = True
+            self._logger.warning(f'no joint_states for {self._timeout:g} s')
+        elif self._reported and not self.silent and time.monotonic() - self._back_since > _QUIET:
             self._reported = False
             self._logger.info('joint_states is back')

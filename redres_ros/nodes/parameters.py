@@ -135,19 +135,21 @@ def check_given(node: Node) -> None:
     node.add_pre_set_parameters_callback(lambda changed: [convert(each) for each in changed])
 
 
-def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
-    """Names that were set from outside and that no node has, with the names that they resemble.
+def warn_of_misspelt(nodes: Sequence[Node]) -> None:
+    """Log in one line which names that were set from outside no node has, and which they resemble.
 
     ROS ignores names that no node declares. A name unlike all of ours is meant for other nodes. All
     nodes of a process are given: what its command line sets goes to each of them.
     """
     known = {name for node in nodes for name in node.get_parameters_by_prefix('')}
     given = {name for node in nodes for name in node._parameter_overrides}
-    found = {}
-    for name in sorted(given - known):
-        for nearest in get_close_matches(name, known, 1, _ALIKE):
-            found[name] = nearest
-    return found
+    meant = [
+        f'{name} (is {nearest} meant?)'
+        for name in sorted(given - known)
+        for nearest in get_close_matches(name, known, 1, _ALIKE)
+    ]
+    if meant:
+        nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
 
 
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:

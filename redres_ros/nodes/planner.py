@@ -123,22 +123,18 @@ class PlannerNode(ManagedNode):
         if not (self.configured and self._joints.concerns(message)):
             return
         self._watchdog.feed()
-        try:
+        with self._inputs.judging('joint_states'):
             stamp = to_nanoseconds(message.header.stamp)
             q = self._joints.positions(message)
             x, R = self._model.tip(q)
             self._q = q
             step = self._run.enter_state(stamp, q, x, R, time.monotonic())
-        except RedresError as error:
-            self._inputs.refuse('joint_states', error)
-            return
-        if step and step.dq is not None:
-            self._joint_publisher.publish(to_joint_state(stamp, self._joints.names, q, step.dq))
-        if step and step.dx is not None:
-            self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
-        if step and self._telemetry.subscribed:
-            self._publish_reference(step, R)
-        self._inputs.accept('joint_states')
+            if step and step.dq is not None:
+                self._joint_publisher.publish(to_joint_state(stamp, self._joints.names, q, step.dq))
+            if step and step.dx is not None:
+                self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
+            if step and self._telemetry.subscribed:
+                self._publish_reference(step, R)
         self._publish_state()
 
     def _trace(self) -> tuple[Position, ...]:
@@ -195,17 +191,13 @@ class PlannerNode(ManagedNode):
     # --- goals ------------------------------------------------------------------------------------
 
     def _on_target(self, message: PoseStamped) -> None:
-        try:
+        with self._inputs.judging('target_pose'):
             x, R = from_pose(message, (self._frame, ''))
             q = self._check_ready()
             if self._run.state is TaskState.HOMING:
                 raise GoalError('the joints are moving to the start; planner/stop ends that')
             check_age(to_nanoseconds(message.header.stamp), self._run.cycles, time.time_ns())
             self._begin_goal(self._goals.target(x, R, q))
-        except RedresError as error:
-            self._inputs.refuse('target_pose', error)
-            return
-        self._inputs.accept('target_pose')
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         message = 'nothing is running'

@@ -25,7 +25,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from redres_ros.errors import RangeError, RedresError, reason_of
 from redres_ros.files.processes import end_with_parent, handle, open_error_output
-from redres_ros.nodes.parameters import misspelt
+from redres_ros.nodes.parameters import warn_of_misspelt
 from redres_ros.types import Seconds
 
 N = TypeVar('N', bound=Node)
@@ -228,7 +228,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
-        log_misspelt(nodes)
+        warn_of_misspelt(nodes)
         _spin(nodes, stopped)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
@@ -240,13 +240,6 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     finally:
         rclpy.try_shutdown()
     return 0
-
-
-def log_misspelt(nodes: list[Node]) -> None:
-    """Log in one line which parameters have no effect."""
-    meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
-    if meant:
-        nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
 
 
 def _watch_parent(stopped: threading.Event) -> None:
