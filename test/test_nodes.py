@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -188,3 +189,21 @@ def test_node_processes_run_the_package_that_started_them_in_a_folder_with_anoth
     process = NodeProcess('nodes.absent', tmp_path / 'log', {})
     assert process.wait(60.0) == 1
     assert process.last_line().endswith('No module named redres_ros.nodes.absent')
+
+
+def test_states_of_another_broadcaster_on_the_topic_displace_none_of_the_arm(
+    tmp_path: Path,
+) -> None:
+    fingers = JointState(name=['left', 'right'], position=[0.0, 0.0])
+    with nodes(tmp_path, controller={}) as (probe, _):
+        probe.ask(START)
+        probe.send(fingers)
+        probe.ask(START)
+        probe.settle()
+        begin = len(probe.responses)
+        for _ in range(100):
+            probe.send(probe.state(START))
+            probe.send(fingers)
+            time.sleep(0.01)
+        probe.settle()
+        assert len(probe.responses) - begin > 80  # without care about 20

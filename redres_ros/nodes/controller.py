@@ -48,7 +48,16 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import PolicyParameters, declare_robot
-from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT, STEADY, LatchedWords
+from redres_ros.nodes.topics import (
+    LATCHED,
+    MODE,
+    NEWEST,
+    PUBLISH,
+    RECENT,
+    SHARED,
+    STEADY,
+    LatchedWords,
+)
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import check_finite
@@ -134,7 +143,7 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _listen(self) -> None:
-        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self._states = self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
@@ -154,6 +163,13 @@ class ControllerNode(ManagedNode):
                 self._sensors.enter_effort(message)
             self._respond('joint_states', self._enter_state, message)
             self._watchdog.feed()
+        elif self._states.qos_profile == NEWEST:
+            # DDS keeps the newest one of all publishers: another's would displace the arm's.
+            newest = self._states
+            self._states = self.create_subscription(
+                JointState, 'joint_states', self._on_state, SHARED
+            )
+            self.destroy_subscription(newest)
 
     def _enter_state(self, message: JointState) -> Response | None:
         q = self._joints.positions(message)

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64, Int32, String
 # and the planner responds to the last few states.
 PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+SHARED = QoSProfile(depth=4, reliability=ReliabilityPolicy.BEST_EFFORT)  # by publishers
 RECENT = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
