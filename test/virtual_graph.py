@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -113,7 +114,7 @@ class Graph:
 
     def listen(
         self, topic: str, listener: str, receive: Callable[..., None], depth: int = 1000
-    ) -> None:
+    ) -> _Receiver:
         """Add a listener, a node by its name, that takes the message, or the message and its info;
         a latched one reaches it at once. While its process is stalled so many are kept.
         """
@@ -121,6 +122,11 @@ class Graph:
         self._receivers.setdefault(topic, []).append(receiver)
         if topic in self._latched:
             self._deliver(topic, receiver, *self._latched[topic])
+        return receiver
+
+    def leave(self, topic: str, receiver: _Receiver) -> None:
+        """Remove a listener."""
+        self._receivers[topic].remove(receiver)
 
     def stall(self, listener: str) -> None:
         """Stop a node's process, as SIGSTOP does: nothing reaches it, and its timers rest."""
@@ -203,7 +209,12 @@ class _Wired(Node):
         self, msg_type: Any, topic: str, callback: Callable[..., None], qos: Any, **options: Any
     ) -> Any:
         depth = qos if isinstance(qos, int) else qos.depth
-        self.graph.listen(topic, self.get_name(), callback, depth)
+        receiver = self.graph.listen(topic, self.get_name(), callback, depth)
+        return SimpleNamespace(topic_name=topic, qos_profile=qos, receiver=receiver)
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        self.graph.leave(subscription.topic_name, subscription.receiver)
+        return True
 
     def create_timer(self, period: float, callback: Callable[[], object], **options: Any) -> Any:
         timer = _Timer()
