@@ -230,13 +230,6 @@ def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
 # --- orientations ---------------------------------------------------------------------------------
 
 
-def test_without_an_orientation_the_reference_has_three_rows(square):
-    reference = Planner(square).reference(square.waypoints[0], 0.1)
-    assert reference.dx.shape == (3,)
-    assert reference.R_d is None
-    assert reference.orientation_error is None
-
-
 @pytest.mark.parametrize('t', [0.1, 0.25, 0.4])
 def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning, t):
     reference = Planner(turning).reference(turning.waypoints[0], t, EYE)

@@ -80,12 +80,8 @@ class Kinematics:
     @property
     def leading(self) -> list[int]:
         """Indices of the joints that lead to the tip, from the base on."""
-        indices = []
-        index = self._tip_parent
-        while index != BASE:
-            indices.append(index)
-            index = self.joints[index].parent
-        return indices[::-1]
+        _, *joints = self.model.supports[self._tip_parent + 1]  # the first one is the base
+        return [joint - 1 for joint in joints]
 
     @property
     def offsets(self) -> np.ndarray:
