@@ -16,10 +16,8 @@ MAINTAINER = PACKAGE.find('maintainer')
 # The library asks for little, so that it fits beside a robot's driver. The fake robot has an extra
 # of its own: a distribution has no package of MuJoCo.
 FAKE = ['mujoco>=3.10']  # whose mj_fullM takes the data
-# What `redres` needs beyond the library: the fake robot and plots.
-TOOLS = [*FAKE, 'matplotlib>=3.6']
-# What `redres view` needs.
-VIEW = ['viser>=1.1']
+# What `redres` needs beyond the library: the fake robot, plots, a page, and the paper's filters.
+TOOLS = [*FAKE, 'matplotlib>=3.6', 'viser>=1.1', 'scipy>=1.11']
 # What the nodes need beside a robot, and then beside the fake one.
 ROBOT = [
     # ros-rclpy alone would bring a newer ROS than Jazzy
@@ -27,8 +25,6 @@ ROBOT = [
     'ros-jazzy-common-interfaces',
 ]
 ROS = [*TOOLS, *ROBOT]
-# `redres reproduce` filters and integrates with it.
-PAPER = ['scipy>=1.11']
 # The site asks the nodes what they have.
 DOCS = [
     *ROS,
@@ -84,8 +80,6 @@ setup(
         'tools': TOOLS,
         'robot': ROBOT,
         'ros': ROS,
-        'view': [*ROS, *VIEW],
-        'paper': PAPER,
         'docs': DOCS,
         'bench': [  # others' inverse kinematics, which benchmarks/ sets beside ours
             'embodik>=0.23',
@@ -97,8 +91,6 @@ setup(
         ],
         'test': [
             *DOCS,
-            *PAPER,
-            *VIEW,
             'playwright>=1.45',  # steers a Chromium that is there
             'pytest>=7.4',
             'pytest-cov>=6.0',

@@ -6,8 +6,12 @@ from pathlib import Path
 
 from redres_ros.errors import FileError
 
-# Extras that bring a module; all others come with [ros].
-_EXTRAS = {'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
+# Packages on PyPI whose names are not those of their modules.
+_PACKAGES = {
+    'pinocchio': 'pin',
+    'rclpy': "'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces",
+    'yaml': 'PyYAML',
+}
 _FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
 # In package.xml. pip would bring another numpy than the one that the distribution's packages take.
@@ -41,14 +45,10 @@ def not_installed(module: str) -> str:
 
 
 def remedy(module: str) -> str:
-    """The command that installs a module: by pip as an extra of this package; in a ROS workspace by
-    rosdep, or as a single package.
-    """
-    if not _is_in_workspace():
-        return f"pip install 'redres_ros[{_EXTRAS.get(module, 'ros')}]'"
-    if module in _BY_ROSDEP:
+    """The command that installs a module: by pip, or in a ROS workspace by rosdep."""
+    if module in _BY_ROSDEP and _is_in_workspace():
         return 'rosdep install --from-paths src --ignore-src'
-    return f'pip install {module}'
+    return f'pip install {_PACKAGES.get(module, module)}'
 
 
 def _is_in_workspace() -> bool:
