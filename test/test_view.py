@@ -17,7 +17,6 @@ pytest.importorskip('viser', reason='needs the extra view')
 
 from graph_helpers import PATIENCE, await_that, graph, read_parameters, to_joint_state
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -173,14 +172,6 @@ def motion() -> SimpleNamespace:
     return SimpleNamespace(model=model, commands=commands)
 
 
-def values_of(node: Node) -> dict[str, Any]:
-    """The parameters of a node."""
-    return {
-        name: parameter_value_to_python(node.get_parameter(name).get_parameter_value())
-        for name in node.list_parameters([], 0).names
-    }
-
-
 def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
     message = to_message(Figures(*range(7)), np.arange(2.0))
     figures, q = from_message(message, 2)
@@ -233,7 +224,7 @@ def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
 ) -> None:
     with graph(ControllerNode) as (node, _):
         monitor = GraphMonitor('test')
-        arm = LiveArm(monitor, values_of(node))
+        arm = LiveArm(monitor, read_parameters(node, 'controller'))
         assert arm.model.arm == node._controller.model.arm
         quality = QoSProfile(depth=1)
         states = node.create_publisher(JointState, 'joint_states', quality)

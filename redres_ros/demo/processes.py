@@ -37,7 +37,8 @@ class NodeProcess:
         module, *own = name.split() if '.' in name else ['nodes.entry', *name.split()]
         arguments = []
         for key, value in parameters.items():
-            arguments += ['-p', f'{key}:={_yaml(value)}']
+            # JSON is YAML whose texts are in quotes, whatever they look like or if they are empty.
+            arguments += ['-p', f'{key}:={json.dumps(value)}']
         # The module comes from where this process has its own: Python would look in the working
         # directory first, and mix an installed package with a clone of it.
         path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
@@ -89,15 +90,3 @@ class NodeProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-
-
-def _yaml(value: Any) -> str:
-    """A parameter's value as the command line of a node takes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return f'[{", ".join(map(_yaml, value))}]'
-    if isinstance(value, float):
-        return repr(float(value))
-    # In quotes: a path may hold what YAML reads otherwise, and a text may be empty.
-    return json.dumps(value) if isinstance(value, str) else str(value)
