@@ -131,4 +131,4 @@ def test_a_robot_without_efforts_is_refused_in_words() -> None:
         run.run(0.3)
         said = [line for node, line in run.graph.log if node == 'controller']
         assert run.commanding
-    assert any('external_torques refused' in line and 'efforts' in line for line in said)
+    assert any('external_torques refused' in line and '0 values of effort' in line for line in said)

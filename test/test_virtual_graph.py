@@ -137,7 +137,7 @@ def spoiled(name: str, value: Any) -> Callable[[JointState], None]:
     ('spoil', 'words'),
     [
         (spoiled('name', ['a'] * 7), ()),  # of another device
-        (spoiled('position', [0.0] * 6), ('6 positions', '7 joints')),
+        (spoiled('position', [0.0] * 6), ('6 values of position', '7 joints')),
         (lambda message: message.position.__setitem__(2, np.nan), ('nan', 'finite')),
         (lambda message: message.name.__setitem__(0, 'a'), ('missing lwr_a1_joint', 'arm a')),
         (lambda message: setattr(message.header, 'stamp', Time()), ('no stamp',)),

@@ -119,10 +119,10 @@ class Log:
 
     def _enter_stamped(self, topic: str, stamp: int, message: Any) -> None:
         if topic == STATES:
-            self.states[stamp] = self._joints.positions(message)
+            self.states[stamp] = self._joints.in_order(message, 'position')
         elif topic == COMMANDS:
-            velocities = self._joints.velocities(message)
-            self.commands[stamp] = (self._joints.positions(message), velocities)
+            velocities = self._joints.in_order(message, 'velocity')
+            self.commands[stamp] = (self._joints.in_order(message, 'position'), velocities)
         elif topic == DESIRED:
             x = message.pose.position
             turn = message.pose.orientation

@@ -265,7 +265,7 @@ class LiveArm:
         state = self._samples.newest(_STATES)
         if state is not None:
             with suppress(RedresError):  # malformed, or of another device
-                self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
+                self.q = finite_vector(self._joints.in_order(state, 'position'), self.model.n, 'q')
 
     def _await_description(self) -> str:
         """The URDF on the topic; empty if none comes."""

@@ -172,7 +172,7 @@ class ControllerNode(ManagedNode):
             self.destroy_subscription(newest)
 
     def _enter_state(self, message: JointState) -> Response | None:
-        q = self._joints.positions(message)
+        q = self._joints.in_order(message, 'position')
         if self._forwarding:
             self._loop.set_connected(not self._forwarding.is_pending)
         return self._loop.step(to_nanoseconds(message.header.stamp), q, time.monotonic())
@@ -187,7 +187,7 @@ class ControllerNode(ManagedNode):
         return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
-        dq = self._joints.velocities(message)
+        dq = self._joints.in_order(message, 'velocity')
         stamp = to_nanoseconds(message.header.stamp)
         return self._loop.enter_joint_velocity(stamp, dq, time.monotonic(), time.time_ns())
 

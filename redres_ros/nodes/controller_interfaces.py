@@ -102,7 +102,7 @@ class Sensors:
         if response is None:
             return
         with self._inputs.judging(_TORQUES):
-            efforts = self._joints.in_order(message.name, message.effort, 'efforts')
+            efforts = self._joints.in_order(message, 'effort')
             self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
     def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
@@ -120,7 +120,7 @@ class Sensors:
     def _on_torques(self, message: JointState) -> None:
         self.from_effort = False
         with self._inputs.judging(_TORQUES):
-            torques = self._joints.in_order(message.name, message.effort, 'efforts')
+            torques = self._joints.in_order(message, 'effort')
             stamp = to_nanoseconds(message.header.stamp)
             self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 

@@ -37,10 +37,6 @@ class _FrameError(RedresError):
     """A message in an unknown frame."""
 
 
-class _LengthError(ArrayError):
-    """The number of values is not the number of joints."""
-
-
 def to_joint_state(
     stamp: Nanoseconds,
     names: Sequence[str],
@@ -132,26 +128,20 @@ class JointMapper:
             self._report(f'joint_states: ignoring {listed}, not of this arm')
         return not names or len(foreign) < len(names)
 
-    def positions(self, message: JointState) -> JointPositions:
-        """q in our order; raises as in_order() does."""
-        return self.in_order(message.name, message.position, 'positions')
+    def in_order(self, message: JointState, field: str) -> np.ndarray:
+        """The position, velocity or effort of each of our joints, (n,), which need not be finite.
 
-    def velocities(self, message: JointState) -> JointVelocities:
-        """dq in our order; raises as in_order() does."""
-        return self.in_order(message.name, message.velocity, 'velocities')
-
-    def in_order(self, names: Sequence[str], given: Sequence[float], what: str) -> np.ndarray:
-        """A value of each of our joints, (n,), which need not be finite.
-
-        Raises JointNamesError for a joint that is missing or named twice, and _LengthError unless
+        Raises JointNamesError for a joint that is missing or named twice, and ArrayError unless
         there is one value for each name.
         """
+        names = message.name
+        given = getattr(message, field)
         is_ours = tuple(names) == self.names
         if not is_ours and any(names.count(name) != 1 for name in self.names):
             raise JointNamesError(names, self.names)
         if len(given) != len(names):
-            raise _LengthError(
-                f'{len(given)} {what} for {len(names)} joints; expected one value per joint'
+            raise ArrayError(
+                f'{len(given)} values of {field} for {len(names)} joints; expected one for each'
             )
         values = np.array(given)
         return values if is_ours else values[[names.index(name) for name in self.names]]

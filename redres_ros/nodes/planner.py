@@ -125,7 +125,7 @@ class PlannerNode(ManagedNode):
         self._watchdog.feed()
         with self._inputs.judging('joint_states'):
             stamp = to_nanoseconds(message.header.stamp)
-            q = self._joints.positions(message)
+            q = self._joints.in_order(message, 'position')
             x, R = self._model.tip(q)
             self._q = q
             step = self._run.enter_state(stamp, q, x, R, time.monotonic())
