@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -39,15 +40,12 @@ class InlineExecutor(Executor):
         return future
 
 
-class CancelledExecutor(Executor):
-    """Runs nothing."""
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The future of a call that is cancelled."""
-        future: Future[Any] = Future()
-        future.cancel()
-        future.set_running_or_notify_cancel()
-        return future
+def cancelled(*_: Any) -> Future[Any]:
+    """The future of a call that is cancelled."""
+    future: Future[Any] = Future()
+    future.cancel()
+    future.set_running_or_notify_cancel()
+    return future
 
 
 def by_case(results: Iterator[Any]) -> dict[str, Any]:
@@ -110,7 +108,7 @@ def test_an_executor_that_ended_is_an_error_and_one_that_cancels_the_reason_of_e
         pass
     with pytest.raises(RedresError, match='the executor takes no cases: cannot schedule'):
         next(batch(CASES, executor))
-    errors = [result.error for result in batch(CASES[:2], CancelledExecutor())]
+    errors = [result.error for result in batch(CASES[:2], SimpleNamespace(submit=cancelled))]
     assert errors == 2 * ['its worker failed: cancelled']
 
 
