@@ -4,19 +4,15 @@ import threading
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
-from geometry_msgs.msg import TwistStamped
-from graph_helpers import PATIENCE, START, Observer, await_that, graph
+from graph_helpers import PATIENCE, Observer, await_that, graph
 from own_ros import ros
 
-from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.runtime import Spinner
-from redres_ros.nodes.topics import PUBLISH
 
 pytestmark = pytest.mark.slow
 
@@ -27,23 +23,6 @@ def test_planner_and_controller_in_one_process_move_a_robot_in_another(tmp_path:
         composed = start('composed --no-sim', tmp_path / 'composed.log', autostart=True)
         await_that(lambda: observer.speed > 0.02, 'motion', every=0.02)
         await_that(lambda: observer.commands, 'commands at the observer')
-        composed.check()
-        observer.assert_all_was_well()
-
-
-def test_task_velocities_from_another_process_move_the_composed_arm(tmp_path: Path) -> None:
-    with graph(Observer) as (observer, start):
-        composed = start(
-            'composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist())
-        )
-        observer.await_command_mode()
-        teleoperation = observer.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
-
-        def moved() -> bool:
-            teleoperation.publish(to_twist(observer.at, 'world', np.array((0.0, -0.1, 0.0))))
-            return observer.speed > 0.02
-
-        await_that(moved, 'motion', every=0.02)
         composed.check()
         observer.assert_all_was_well()
 

@@ -2,7 +2,7 @@
 
 import signal
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -24,7 +24,7 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.topics import LATCHED
-from redres_ros.parameter import Parameter, check_once, check_parameters, param
+from redres_ros.parameter import Gain, Parameter, check_once, check_parameters, param
 from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -146,10 +146,12 @@ class PolicyParameters:
         self._task = task
         self._T = T
         self._settings = declare(node, _PolicySettings())
-        self._gains = {
-            key: declare_one(node, key, default, parameter)
-            for key, default, parameter in _all_gains(T)
-        }
+        self._gains = {}
+        for key, gain in _all_gains().items():
+            upper = 1.0 / T if key == 'damping' else gain.parameter.upper  # Appendix B
+            parameter = replace(gain.parameter, upper=upper, live=True)
+            default = _NODES_OWN.get(key, gain.default)
+            self._gains[key] = declare_one(node, key, default, parameter)
         self.policy = self._made(self._settings, self._gains)
         self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
 
@@ -192,17 +194,12 @@ class PolicyParameters:
         return policy
 
 
-def _all_gains(T: Seconds) -> Iterator[tuple[str, Any, Parameter]]:
-    """Key, default and declaration of every gain in the tables; a damping is at most 1/T [1/s].
-
-    Targets that are open by default are not among them: ROS has no value for that.
+def _all_gains() -> dict[str, Gain]:
+    """Every gain in the tables, by its key. Targets that are open by default are not among them:
+    ROS has no value for that.
     """
-    seen = set()
+    gains: dict[str, Gain] = {}
     for gain in chain.from_iterable(table.gains() for table in (LAWS, LIMITS, PREFERENCES, TASKS)):
-        key = gain.key
-        if key in seen or gain.default == ():
-            continue
-        seen.add(key)
-        upper = 1.0 / T if key == 'damping' else gain.parameter.upper  # Appendix B
-        default = _NODES_OWN.get(key, gain.default)
-        yield key, default, replace(gain.parameter, upper=upper, live=True)
+        if gain.default != ():
+            gains.setdefault(gain.key, gain)
+    return gains

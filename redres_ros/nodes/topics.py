@@ -39,6 +39,9 @@ PROGRESS = 'planner/progress'
 _LOOK_PERIOD = 0.2
 
 
+_PLAIN: dict[type, Any] = {float: Float64, int: Int32, str: String}  # by the type of their value
+
+
 class Telemetry:
     """Publishers for displays: nothing is computed or sent for a topic without subscribers.
 
@@ -62,8 +65,9 @@ class Telemetry:
         if name not in self.subscribed:
             return
         value = make()
+        kind = _PLAIN.get(type(value))
         if value is not None:
-            self._publishers[name].publish(_to_message(value))
+            self._publishers[name].publish(kind(data=value) if kind else value)
 
     def _look(self) -> None:
         self.subscribed = {
@@ -71,11 +75,6 @@ class Telemetry:
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()
         }
-
-
-def _to_message(value: Any) -> Any:
-    kinds = {float: Float64, int: Int32, str: String}
-    return kinds[type(value)](data=value) if type(value) in kinds else value
 
 
 class LatchedWords:
