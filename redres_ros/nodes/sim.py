@@ -118,7 +118,7 @@ class SimNode(ManagedNode):
         timed = not settings.lockstep
         self._receiver = CommandReceiver(self._robot, self._robot_clock, timed=timed)
         self._states = NetworkModel[JointState]('states')
-        self._set_links()
+        self._set_faults({})
         self._newest = JointState()  # of the published states
         self._arrival = threading.Event()  # of a command
         self._refusals = InputMonitor(self)
@@ -236,8 +236,8 @@ class SimNode(ManagedNode):
 
     def _await_command(self, stopped: threading.Event, spinner: Spinner, patience: Seconds) -> None:
         until = time.monotonic() + patience
-        while self._awaits_command and self.active and not stopped.is_set():
-            if time.monotonic() >= until:
+        while self._awaits_command and time.monotonic() < until:
+            if stopped.is_set() or not self.active:
                 return
             if not spinner.wait(self._arrival, _ASK_AGAIN):
                 self._state_publisher.publish(self._newest)  # it may have been lost
@@ -278,9 +278,6 @@ class SimNode(ManagedNode):
 
     def _set_faults(self, changes: dict[str, Any]) -> None:
         self._plant.faults = with_changes(self._plant.faults, changes)
-        self._set_links()
-
-    def _set_links(self) -> None:
         self._states.link = self._plant.faults.states
         self._receiver.network.link = self._plant.faults.commands
 
