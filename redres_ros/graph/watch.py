@@ -107,11 +107,17 @@ class Watch(GraphMonitor):
                 self._arm = LiveArm(self, values)
             except RedresError:
                 self._is_known = False  # the page shows the rest
+        if self._arm is not None:
+            self._look_at(self._arm)
+
+    def _look_at(self, arm: LiveArm) -> None:
+        before = arm.q
         # A snapshot has all figures: subscribing to each would cost the controller time.
-        if self._arm is not None and (seen := self._arm.look()):
+        for figures in arm.look()[-1:]:
             for name in VALUES:
-                self.keep(f'controller/{name}', getattr(seen[-1], name))
-            self.keep(_TIP, tuple(self._arm.model.tip(self._arm.q)[0].tolist()))
+                self.keep(f'controller/{name}', getattr(figures, name))
+        if arm.q is not before:  # measured anew, if not by the controller
+            self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
 
     def _joints(self) -> list[_JointBar]:
         arm = self._arm
@@ -194,7 +200,7 @@ def is_near_an_end(fraction: float) -> bool:
 
 def _silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
     """Time since the last message of a node [s]; infinite if there was none."""
-    sources = {node, *(row.topic for row in _ROWS[node])}
+    sources = {node, *(row.topic for row in _ROWS[node])} - {_TIP}  # known without the controller
     ages = [now - received[source].at for source in sources if source in received]
     return min(ages, default=math.inf)
 
