@@ -1,5 +1,7 @@
 """A task's progress by what the controller executes: beginning, holds, stops, new robots."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,10 +47,10 @@ class Arm:
         return [self.tick(scaling) for _ in range(cycles)][-1]
 
 
-def under_way() -> Arm:
+def under_way(goal: Goal = THE_TASK) -> Arm:
     """An arm one second into its task."""
     arm = Arm()
-    arm.run.begin(THE_TASK)
+    arm.run.begin(goal)
     arm.go(500)
     assert arm.run.state is TaskState.MOVING
     return arm
@@ -134,18 +136,26 @@ def test_the_same_state_again_gets_the_same_step() -> None:
     assert arm.enter() is step
 
 
-@pytest.mark.parametrize('cycles', [50_000, -600])
-def test_with_a_robot_that_starts_again_from_elsewhere_the_task_begins_anew(cycles: int) -> None:
+def test_with_a_robot_that_starts_again_from_elsewhere_the_task_begins_anew() -> None:
     arm = under_way()
     start = arm.run.start_stamp
-    arm.cycle += cycles
+    arm.cycle += 50_000
     arm.x = HOME + 0.1
-    if cycles < 0:  # here without a silence before, so that the first state alone proves nothing
-        with pytest.raises(ClockError, match='a second state like it'):
-            arm.tick(None)
     assert waits(arm.tick(None))
     assert reference(arm.tick(1.0)).segment == 0
     assert arm.run.start_stamp != start
+
+
+@pytest.mark.parametrize(('cycles', 'goes_on'), [(-600, False), (-100, True)])
+def test_only_a_clock_that_is_set_by_no_more_than_a_second_ends_no_goal(
+    cycles: int, goes_on: bool
+) -> None:
+    arm = under_way(replace(THE_TASK, patience=2.0))
+    arm.cycle += cycles
+    with pytest.raises(ClockError, match='a second state like it'):
+        arm.tick(1.0)
+    arm.tick(1.0)
+    assert (arm.run.state is TaskState.MOVING) is goes_on
 
 
 # --- interruptions --------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from redres_ros.types import (
 )
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
+_SET_BACK = 1.0  # [s] by which a robot's clock may be set back in motion
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
 
@@ -346,10 +347,10 @@ class TaskExecutor:
 
     def _end_after(self, silence: Seconds) -> None:
         """End a goal of another robot, or of long ago: a person may be near the arm. The silence
-        is from the last stamp to this one, negative for another clock.
+        is from the last stamp to this one, negative for another clock, or one that was set back.
         """
         patience = self._execution.goal.patience if self._execution else None
-        if patience is None or 0.0 < silence <= patience or self.state not in UNDER_WAY:
+        if patience is None or -_SET_BACK < silence <= patience or self.state not in UNDER_WAY:
             return
         self._end(
             f'the robot was started again, or silent for more than {patience:g} s (resume_within)'
