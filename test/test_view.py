@@ -222,10 +222,12 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
 def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
     motion: SimpleNamespace,
 ) -> None:
-    with graph(ControllerNode) as (node, _):
+    with graph(ControllerNode) as (controller, _):
+        values = read_parameters(controller, 'controller')
+    with graph(lambda: Node('robot')) as (node, _):
         monitor = GraphMonitor('test')
-        arm = LiveArm(monitor, read_parameters(node, 'controller'))
-        assert arm.model.arm == node._controller.model.arm
+        arm = LiveArm(monitor, values)
+        assert arm.model.arm == controller._controller.model.arm
         quality = QoSProfile(depth=1)
         states = node.create_publisher(JointState, 'joint_states', quality)
         snapshots = node.create_publisher(Float64MultiArray, controller_telemetry.TOPIC, quality)
