@@ -184,17 +184,17 @@ def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
 
 
 class SubscribedTelemetry:
-    """Telemetry of which somebody listens to snapshots: keeps them."""
+    """Telemetry of which somebody listens to what is published now and then: keeps it."""
 
-    subscribed = frozenset({'snapshot'})
+    subscribed = frozenset({'snapshot', 'active_limits', 'task_scaling'})
 
     def __init__(self, *_: object) -> None:
-        self.messages: list[Any] = []
+        self.messages: dict[str, list[Any]] = {name: [] for name in self.subscribed}
 
     def publish(self, name: str, make: Any) -> None:
-        """Keep a snapshot."""
+        """Keep a message."""
         if name in self.subscribed:
-            self.messages.append(make())
+            self.messages[name].append(make())
 
 
 def test_snapshots_are_few_and_hide_no_peak_between_them(
@@ -206,9 +206,11 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
     for tick, command in enumerate(motion.commands):
         response = SimpleNamespace(stamp=tick, command=command, scaling=command.s)
         motion_telemetry.publish(response, None)
-    telemetry = motion_telemetry._telemetry
-    reported = [from_message(message, motion.model.n) for message in telemetry.messages]
+    messages = motion_telemetry._telemetry.messages
+    reported = [from_message(message, motion.model.n) for message in messages['snapshot']]
     assert len(reported) == len(motion.commands) // 25
+    assert len(messages['active_limits']) == len(motion.commands) // 50
+    assert len(messages['task_scaling']) == len(motion.commands) // 4
     for (figures, q), first in zip(reported, count(0, 25), strict=False):
         since = motion.commands[first : first + 25]
         newest = since[-1]
