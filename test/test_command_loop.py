@@ -322,14 +322,17 @@ def test_after_seconds_of_silence_a_reference_stays_if_a_servo_explains_where_th
 def test_an_arm_that_sags_under_its_reference_does_not_creep(sag: float, moves: bool) -> None:
     robot = limited(interface='ros2_control')
     q = START
+    held = []
     for cycle in range(5000):
         robot.q = q
         robot.ask()
         if moves and cycle < 1000:
             robot.steer(velocity(cycle))
+        if cycle > (500 if moves else 1000) and robot.following.mode is Mode.HOLDING:
+            held.append(robot.references[-1])
         q = q + 0.1 * (robot.references[-1] - sag - q)  # a servo
-    assert robot.following.mode is Mode.HOLDING
-    np.testing.assert_array_equal(robot.references[1500:], [robot.references[-1]] * 3500)
+    assert len(held) > 3900
+    np.testing.assert_array_equal(held, [held[0]] * len(held))
     if not moves:
         assert np.abs(q - START).max() < 2.1 * sag
 

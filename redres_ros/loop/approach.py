@@ -20,9 +20,9 @@ class HeldReference:
 
     A servo that follows the reference explains an error, too: what is left of its lag, and how far
     the arm sags. An arm that sagged would sink for ever if its reference was placed where it is,
-    again and again. So that is done once it is at rest; if it then goes on as if it was following,
-    the error is its servo's. No servo explains more than the following error at which an arm counts
-    as stopped: such an arm is followed until it is at rest.
+    again and again. So that is done once it is at rest; if it then goes on by as much, it follows,
+    and the error is its servo's. No servo explains more than the following error at which an arm
+    counts as stopped: the reference then stays with the arm until that is at rest.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -35,7 +35,8 @@ class HeldReference:
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
         self._is_carried = False  # by others
-        self._settles = followed  # the error once it is at rest is the servo's
+        # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
+        self._expected = None if followed else self._servo
 
     def is_left(self, q: JointPositions) -> bool:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
@@ -53,15 +54,18 @@ class HeldReference:
         away = largest(error)
         is_carried = self._is_carried or away > controller.robot_interface.following_tolerance
         self._is_carried = is_carried and not is_at_rest
-        if not is_carried and (away <= _SERVO or not is_at_rest):
-            self._settles = self._settles and not is_at_rest
-        elif self._settles and not is_carried:
-            self._servo = self._servo + error
-            self._settles = False
-        else:
+        if not (is_carried or is_at_rest):
+            return
+        expected = self._expected
+        self._expected = np.zeros(len(q))
+        if is_carried:
             controller.hold_at(q - self._servo)
-            self._settles = True
-            self._still = 0.0 if is_at_rest else self._still
+        elif expected is None or largest(error - expected) <= min(_SERVO, away / 2):
+            self._servo = self._servo + error
+        elif away > _SERVO:
+            controller.hold_at(q - self._servo)
+            self._expected = error
+            self._still = 0.0
 
 
 class Approach:
