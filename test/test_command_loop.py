@@ -690,19 +690,6 @@ def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
     assert response is not None and response.scaling == 0.0
 
 
-def test_limits_that_hold_the_task_up_for_a_second_are_reported_with_the_joint() -> None:
-    controller = make_controller(0.0, 'fri', JOINT_LIMITS, 'minimum_velocity', limit_scale=0.01)
-    robot = Robot(CommandLoop(controller))
-    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
-    assert robot.following.limit_warning == ''  # not long enough yet
-    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
-    reported = robot.following.limit_warning
-    assert reported.startswith('the limits leave') and 'lwr' in reported
-    robot.following.hold(True)
-    robot.follow(2)
-    assert robot.following.limit_warning == ''
-
-
 def test_a_reader_follows_a_state_to_its_command_in_few_calls() -> None:
     """From the state of an arm that moves within limits."""
     robot = limited()

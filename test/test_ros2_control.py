@@ -270,8 +270,8 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
         now.advance(1.0)
     else:
         plan(now.graph, robot)
-        now.advance(8.0)
-        assert now.published.modes[-1] == 'holding'
+        now.advance(2.0 if case == 'in motion' else 8.0)
+        assert now.published.modes[-1] == ('moving' if case == 'in motion' else 'holding')
     if case == 'after an error of the hardware':
         robot.fail_read()
         now.advance(0.5)
@@ -287,7 +287,12 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
 @pytest.mark.parametrize(('rate', 'way'), by_day(3, product(RATES, WAYS)))
 @pytest.mark.parametrize(
     'case',
-    ['beside a trajectory controller', 'after a target', 'after an error of the hardware'],
+    [
+        'beside a trajectory controller',
+        'after a target',
+        'in motion',
+        'after an error of the hardware',
+    ],
 )
 def test_an_arm_that_others_have_moved_does_not_go_back(
     case: str, rate: float, way: float, tmp_path: Path
@@ -308,12 +313,16 @@ def test_an_arm_that_others_have_moved_does_not_go_back(
 
 
 @pytest.mark.parametrize('rate', by_day(2, RATES))
-def test_an_arm_that_others_move_is_taken_over_where_it_is(rate: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize('way', [0.08, 0.4])  # [rad]
+def test_an_arm_that_others_move_is_taken_over_where_it_is(
+    way: float, rate: float, tmp_path: Path
+) -> None:
     with scene(tmp_path, rate) as now:
         now.advance(0.5)
-        now.robot.carry(-0.4 * np.sign(ARM.start), 1.0)
+        now.robot.carry(-way * np.sign(ARM.start), 1.0)
         now.advance(0.7)
         now.robot.activate()
+        now.advance(1.0 / rate)
         moved = now.robot.q
         now.advance(0.5)
-        assert np.abs(now.robot.q - moved).max() <= LIMITS.velocity.min() / rate
+        np.testing.assert_array_equal(now.robot.q, moved)

@@ -18,11 +18,10 @@ _SERVO = 5e-3  # [rad] of a servo's error at rest
 class HeldReference:
     """Keeps the reference of an arm at rest where the arm is, also if others have moved it.
 
-    A servo that follows the reference explains an error, too: what is left of its lag, and how far
-    the arm sags. An arm that sagged would sink for ever if its reference was placed where it is,
-    again and again. So that is done once it is at rest; if it then goes on by as much, it follows,
-    and the error is its servo's. No servo explains more than the following error at which an arm
-    counts as stopped: the reference then stays with the arm until that is at rest.
+    While the arm is elsewhere, nothing may be published: a robot that holds stays as it is, and one
+    that begins to listen does not leap. The reference is placed where the arm comes to rest. If the
+    arm then goes on by as much, it follows: it sags, which is explained from then on, as it would
+    sink for ever. So is what is left of a servo's lag.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -34,7 +33,6 @@ class HeldReference:
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
-        self._is_carried = False  # by others
         # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
         self._expected = None if followed else self._servo
 
@@ -42,30 +40,26 @@ class HeldReference:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
         return largest(q - self._controller.reference - self._servo) > _SERVO
 
-    def update(self, q: JointPositions, seconds: Seconds) -> None:
-        """Record where the arm is; place the reference there if it is not where it was held."""
+    def update(self, q: JointPositions, seconds: Seconds) -> bool:
+        """Whether the reference of an arm measured at q may be published."""
         controller = self._controller
         if largest(q - self._stood) > _STILL:
             self._stood = q
             self._still = 0.0
         self._still += seconds
-        is_at_rest = self._still >= _REST
         error = q - controller.reference - self._servo
         away = largest(error)
-        is_carried = self._is_carried or away > controller.robot_interface.following_tolerance
-        self._is_carried = is_carried and not is_at_rest
-        if not (is_carried or is_at_rest):
-            return
         expected = self._expected
+        if self._still < _REST:
+            return expected is None or away <= _SERVO
         self._expected = np.zeros(len(q))
-        if is_carried:
-            controller.hold_at(q - self._servo)
-        elif expected is None or largest(error - expected) <= min(_SERVO, away / 2):
+        if expected is None or largest(error - expected) <= min(_SERVO, away / 2):
             self._servo = self._servo + error
         elif away > _SERVO:
             controller.hold_at(q - self._servo)
             self._expected = error
             self._still = 0.0
+        return True
 
 
 class Approach:

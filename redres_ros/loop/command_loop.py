@@ -30,8 +30,6 @@ from redres_ros.types import (
 )
 
 _TWIST = 6  # rows of a task velocity that has components to hold
-_LITTLE = 0.05  # scaling factor below which a task hardly goes on
-_LONG = 1.0  # [s] after which that is reported
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
 # A response that was sent so shortly before the robot published the next state came after that.
@@ -115,7 +113,6 @@ class CommandLoop:
         self._active = True
         self._held = False  # by request
         self._yields_alone = False  # it moves only as measurements ask
-        self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
         self._gap_cycle = 0  # of the longest interval between states of late
         if not (self._holds or settings.lockstep):
             controller.longest_gap = self._interface.restart_after + 1
@@ -131,17 +128,6 @@ class CommandLoop:
     def commanding(self) -> bool:
         """Whether the robot takes commands, as far as is known."""
         return self.faults.executes and self.is_connected and self._is_commanding
-
-    @property
-    def limit_warning(self) -> str:
-        """What has slowed the task down for a second or more; empty if nothing has."""
-        response = self.newest_response
-        if response is None or not self._slow_since:
-            return ''
-        if (response.cycle - self._slow_since) * self._controller.T < _LONG:
-            return ''
-        limits = response.command.active_limits
-        return f'the limits leave {response.scaling:.1%} of the task velocity ({limits})'
 
     @property
     def error(self) -> str:
@@ -350,6 +336,8 @@ class CommandLoop:
         blocked = self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
+        if self.mode is Mode.HOLDING and not self._may_be_held(state.q, missed):
+            return None
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))
@@ -364,10 +352,6 @@ class CommandLoop:
             self._controller.published = published
             command = self._command(state.q, dx, missed)
         follows = not (blocked or stale or self._approach)
-        if not follows or command.s >= _LITTLE:
-            self._slow_since = 0
-        elif not self._slow_since:
-            self._slow_since = state.cycle
         scaling = command.s if follows else 0.0
         return Response(state.stamp, command, scaling, state.q, state.cycle)
 
@@ -409,7 +393,7 @@ class CommandLoop:
             )
             self._end_approach()
             controller.hold_at(published.q if holds else state.q)
-            self._held_reference.begin(state.q)
+            self._held_reference.begin(state.q, followed=holds)
             self.mode = Mode.HOLDING
         return 0
 
@@ -470,6 +454,13 @@ class CommandLoop:
         self._yields_alone = stale and self.mode is Mode.MOVING and self._approach is None
         return blocked
 
+    def _may_be_held(self, q: JointPositions, missed: Cycles) -> bool:
+        """Whether the reference is where the arm is; behind ros2_control others may move it."""
+        if not self._interface.forwards_commands:
+            return True
+        seconds = (missed + 1) * self._controller.T
+        return self._controller.published is None or self._held_reference.update(q, seconds)
+
     def _begin_mode(self, state: _State, before: Mode) -> None:
         """What the mode of this state begins with."""
         controller = self._controller
@@ -484,7 +475,8 @@ class CommandLoop:
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.hold_at(controller.reference)
-            self._held_reference.begin(state.q, followed=before in MOVING_MODES)
+            followed = before in MOVING_MODES and not self.faults.reason
+            self._held_reference.begin(state.q, followed=followed)
         else:
             self.measurements.restart()
 
@@ -512,8 +504,6 @@ class CommandLoop:
             if self.mode is Mode.MIRRORING or controller.published is None:
                 controller.hold_at(q)
                 self._held_reference.begin(q)
-            elif self._interface.forwards_commands:
-                self._held_reference.update(q, (missed + 1) * controller.T)
             self.safety_filter.reason = ''
             return controller.hold_command()
         elif approach:

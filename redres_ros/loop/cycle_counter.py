@@ -55,9 +55,8 @@ class CycleCounter:
 
     A state is one cycle as long as its stamp lies within half a period of where it is expected.
     Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. A
-    clock that is set, forward or back, by no more than a second counts as one cycle too: forward
-    because the state came sooner after its stamp than any could, back because the next one goes on
-    from there.
+    clock that is set forward by no more than a second counts as one cycle too, because the state
+    came sooner after its stamp than any could; any other one as two, the first of which is refused.
 
     Attributes:
         number: Of the newest state's cycle; never goes back.

@@ -4,7 +4,7 @@
 |---|---|
 | inactive | nothing |
 | mirroring | the measured position: the robot takes no commands |
-| holding | the same reference, exactly |
+| holding | the same reference, exactly; behind ros2_control where others have moved the arm |
 | moving | the policy's reference, through the safety filter |
 | stopping | braking within A |
 """

@@ -313,6 +313,6 @@ class ControllerNode(ManagedNode):
             return Health(WARN, self.life, values)
         if loop.mode is Mode.MIRRORING:
             return Health(WARN, 'mirroring: the robot takes no commands', values)
-        if warning := loop.limit_warning or loop.measurements.problem or self._policy.problem:
+        if warning := loop.measurements.problem or self._policy.problem:
             return Health(WARN, warning, values)
         return Health(OK, loop.mode.value, values)
