@@ -200,6 +200,7 @@ class StandIn:
         one.
         """
         self.deactivate()
+        self.hardware.forget()
         times = np.arange(1, round(seconds / self._period) + 1) * self._period
         self._trajectory = [self._written + quintic(t / seconds)[0] * way for t in times]
 

@@ -269,8 +269,9 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
         robot.deactivate()
         now.advance(1.0)
     else:
+        now.advance(0.5)
         plan(now.graph, robot)
-        now.advance(2.0 if case == 'in motion' else 8.0)
+        now.advance(1.0 if case == 'in motion' else 8.0)
         assert now.published.modes[-1] == ('moving' if case == 'in motion' else 'holding')
     if case == 'after an error of the hardware':
         robot.fail_read()

@@ -31,6 +31,7 @@ from redres_ros.types import (
 
 _TWIST = 6  # rows of a task velocity that has components to hold
 _AT_REST = 1e-4  # [rad/s]
+_NOTHING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
 # A response that was sent so shortly before the robot published the next state came after that.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
@@ -429,7 +430,7 @@ class CommandLoop:
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
-        asked = allowed and largest(dx) > 0.0
+        asked = allowed and largest(dx) > _NOTHING
         if (self._yields_alone or measurements.asks) and not blocked and not faults.reason:
             # An arm that only follows what is measured comes to rest after it by itself; one whose
             # velocity ends brakes first.
