@@ -2,9 +2,13 @@
 
 import mujoco
 import numpy as np
+from doubles import random_motion
 
+from redres_ros import RobotModel
 from redres_ros.fake_robot.mujoco_arm import compiled, inertia, load
 from redres_ros.robots import Arm
+
+AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 
 
 class ReferenceModel:
@@ -40,3 +44,14 @@ class ReferenceModel:
         self._data.qvel[:] = dq
         mujoco.mj_fwdPosition(self._model, self._data)
         mujoco.mj_fwdVelocity(self._model, self._data)
+
+
+def assert_libraries_agree(arm: Arm) -> None:
+    """All of an arm's kinematics and dynamics are the same in Pinocchio and in MuJoCo."""
+    model, reference = RobotModel(arm), ReferenceModel(arm)
+    for q, dq in random_motion(model.n, 100):
+        state = model.state(q, dq)
+        seen = reference.kinematics(q) + reference.dynamics(q, dq)
+        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
+            assert np.abs(got - expected).max() < AGREEMENT
+        assert np.linalg.eigvalsh(state.M)[0] > 0.0

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doubles import random_motion
 from nightly import by_day
-from reference_model import ReferenceModel
+from reference_model import assert_libraries_agree
 
 from redres_ros import (
     Controller,
@@ -22,7 +21,6 @@ from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
 
-AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 T = 0.004  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
@@ -72,14 +70,7 @@ def test_joints_are_named_as_by_the_arms_driver(name, joint_names):
 @EVERY_ARM
 @EVERY_DYNAMICS
 def test_pinocchio_and_mujoco_agree(name, dynamics):
-    arm = find_arm(name, dynamics=dynamics)
-    model, reference = RobotModel(arm), ReferenceModel(arm)
-    for q, dq in random_motion(model.n, 300):
-        state = model.state(q, dq)
-        seen = reference.kinematics(q) + reference.dynamics(q, dq)
-        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
-            assert np.abs(got - expected).max() < AGREEMENT
-        assert np.linalg.eigvalsh(state.M)[0] > 0.0
+    assert_libraries_agree(find_arm(name, dynamics=dynamics))
 
 
 @EVERY_ARM

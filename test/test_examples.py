@@ -6,7 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from printed import differences
@@ -28,6 +31,21 @@ def run(name: str, *arguments: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+@contextmanager
+def started(directory: Path, **nodes: dict[str, Any]) -> Iterator[None]:
+    """Nodes with parameters, as processes in a domain of their own."""
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from redres_ros.demo.processes import NodeProcess
+    from redres_ros.nodes.runtime import own_domain
+
+    with ExitStack() as stack:
+        stack.enter_context(own_domain())
+        for name, parameters in nodes.items():
+            node = NodeProcess(name, directory / f'{name}.log', parameters)
+            stack.callback(node.end)
+        yield
 
 
 def numbers(text: str) -> list[float]:
@@ -67,27 +85,16 @@ def test_within_limits_the_joints_are_asked_for_what_they_have() -> None:
 
 @pytest.mark.realtime
 def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.runtime import own_domain
-
-    with own_domain():
-        robot = NodeProcess('sim', tmp_path / 'sim.log', {'patience': 60.0})
-        try:
-            [height] = numbers(run('law_behind_your_node'))
-        finally:
-            robot.end()
+    with started(tmp_path, sim={'patience': 60.0}):
+        [height] = numbers(run('law_behind_your_node'))
     # Half a period of the sine: 0.05 m/s * 2 / pi.
     assert height == pytest.approx(0.032, abs=0.005)
 
 
 @pytest.mark.parametrize('name', ['law_behind_your_node', 'visual_servoing', 'behind_ros2_control'])
-def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.nodes.runtime import own_domain
-
+def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str, tmp_path: Path) -> None:
     with (
-        own_domain(),
+        started(tmp_path),
         subprocess.Popen(
             [sys.executable, str(EXAMPLES / f'{name}.py')], stderr=subprocess.PIPE, text=True
         ) as process,
@@ -130,20 +137,8 @@ def test_of_two_arms_the_second_gives_way_only_where_both_tasks_cannot_be(
 
 @pytest.mark.realtime
 def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.runtime import own_domain
-
-    with own_domain():
-        nodes = [
-            NodeProcess('sim', tmp_path / 'sim.log', {'patience': 60.0}),
-            NodeProcess('controller', tmp_path / 'controller.log', {}),
-        ]
-        try:
-            behind, change = run('visual_servoing', '--seconds', '6').splitlines()
-        finally:
-            for node in nodes:
-                node.end()
+    with started(tmp_path, sim={'patience': 60.0}, controller={}):
+        behind, change = run('visual_servoing', '--seconds', '6').splitlines()
     _, lag, _ = numbers(behind)
     assert 10.0 < lag < 25.0  # 50 mm/s over 3 1/s is 17 mm; machines stall for some pictures
     assert numbers(change)[0] < 3.0
@@ -162,25 +157,11 @@ def test_every_example_has_a_test() -> None:
 def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(
     tmp_path: Path,
 ) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.demo.processes import NodeProcess
-    from redres_ros.nodes.runtime import own_domain
-
     parameters = {'rate': 100.0, 'robot': 'lwr4_paper'}
-    own = {
-        'controller': {'robot_interface': 'ros2_control'},
-        'planner': {'autostart': True},
-    }
-    with own_domain():
-        nodes = [
-            NodeProcess(name, tmp_path / f'{name}.log', parameters | values)
-            for name, values in own.items()
-        ]
-        try:
-            responses, moved = run('behind_ros2_control', '--seconds', '4').splitlines()
-        finally:
-            for node in nodes:
-                node.end()
+    controller = parameters | {'robot_interface': 'ros2_control'}
+    planner = parameters | {'autostart': True}
+    with started(tmp_path, controller=controller, planner=planner):
+        responses, moved = run('behind_ros2_control', '--seconds', '4').splitlines()
     share, states = numbers(responses)
     assert share > 50.0  # 99.4 beside ten other processes; in bad moments a machine stalls for long
     assert states == 400

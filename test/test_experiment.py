@@ -84,20 +84,6 @@ def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
     assert apart < 2e-4
 
 
-def test_the_same_experiment_gives_the_same_bits():
-    first, second = (short(controller('dynamically_consistent', 1.0 / T)) for _ in range(2))
-    assert (first.recording.data == second.recording.data).all()
-    assert (first.q == second.q).all()
-
-
-def test_a_task_that_is_never_finished_ends_all_the_same():
-    nearby = SHORT.waypoints[:1] - np.array(((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)))
-    task = replace(SHORT, waypoints=nearby, segment_time=0.2, feedback_gain=0.0, tolerance=1e-9)
-    recording = experiment(controller('minimum_acceleration'), task, ARM).recording
-    assert not recording.finished
-    assert recording.ending == 'did not reach the last point within 0.6 s'
-
-
 # --- Savitzky-Golay -------------------------------------------------------------------------------
 
 

