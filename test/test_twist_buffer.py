@@ -56,9 +56,11 @@ def test_within_the_lag_it_does_not_matter_when_task_velocities_come() -> None:
 def test_a_task_velocity_that_is_missing_now_and_then_hardly_shows() -> None:
     random = np.random.default_rng(1)
     out = played({k + 1: [k] for k in range(1500) if random.random() > 0.3}, 1500)
-    # The velocity of a few cycles before, at most
-    np.testing.assert_allclose(out[5:], PERFECT[5:], rtol=0.0, atol=6 * T * PEAK)
-    assert peak_acceleration(out) < 2.2 * PEAK
+    # A straight line misses a quintic by its curvature, 60 d/T^3 T^2 / 2 a cycle squared: for gaps
+    # of up to six cycles at most 36 times that.
+    curvature = 60.0 * 0.5 / 3.0**3 * T * T
+    np.testing.assert_allclose(out[5:], PERFECT[5:], rtol=0.0, atol=36 * curvature)
+    assert peak_acceleration(out) < 1.1 * PEAK
 
 
 @pytest.mark.parametrize('length', [10, 30, 50])
@@ -66,7 +68,7 @@ def test_a_planner_that_was_held_up_is_caught_up_with_smoothly(length: int) -> N
     gaps = [range(start, start + length) for start in range(200, 1300, 250)]
     arrivals = {k + 1: [k] for k in range(1500) if not any(k in gap for gap in gaps)}
     out = played(arrivals, 1500)
-    assert peak_acceleration(out) < 2.2 * PEAK
+    assert peak_acceleration(out) < 1.3 * PEAK
     np.testing.assert_array_equal(out[1460:], PERFECT[1460:])
 
 

@@ -6,6 +6,7 @@ look like an acceleration, and a law that minimises accelerations would obey it.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,8 @@ AUTO = 'auto'
 LINEAR_ACCELERATION = 2.0  # [m/s^2]
 ANGULAR_ACCELERATION = 6.0  # [rad/s^2]
 
-_DENSE = 2  # cycles between two velocities of a source that sends one a cycle, but for a few
+_DENSE = 2  # cycles now and then between two velocities of a source that sends one a cycle
+_RECENT = 4  # intervals by which that is judged
 _RETURN = 4  # cycles for each one missed, over which an extrapolation fades out
 _EXTRAPOLATED = 10  # cycles at most over which a steady change goes on without new velocities
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
@@ -88,8 +90,8 @@ class TwistBuffer:
 
     What comes every cycle acts as it is. Whatever the velocity jumps by is added back, and fades
     out: over the cycles since the velocity before, which smooths what a camera or a joystick sends,
-    or over as many as the accelerations need. While none comes, a steady change goes on for a few
-    cycles.
+    or over as many as the accelerations need. While none comes from a source that sends one a
+    cycle, a steady change goes on for a few cycles, and its error fades out over four times those.
 
     Args:
         rows: Rows of a velocity: 3, or 6 with the angular part below.
@@ -126,7 +128,9 @@ class TwistBuffer:
         self._twists: dict[int, TaskVelocity] = {}  # by cycle: those that have not acted yet
         self._sampled: int | None = None  # cycle of the last one that has
         self._interval = 0  # cycles between the last two
-        self._guesses = 0  # cycles since then
+        self._intervals: deque[Cycles] = deque(maxlen=_RECENT)  # cycles between the last ones
+        self._is_dense = False  # they come from a source that sends one a cycle, but for a few
+        self._guesses = 0  # cycles since the last one
         self._newest = self._rest  # the last one
         self._target = self._rest  # the same, or where it has led since
         self._slope = self._rest  # its steady change a cycle
@@ -147,34 +151,42 @@ class TwistBuffer:
         self._played = cycle
         sampled = cycle - self._lag
         known = sorted([each for each in self._twists if each <= sampled])
+        expected = self._predicted(sampled) if self._guesses else self._target
+        for each in known:
+            self._take(each)
+        is_guess = self._sampled is not None and self._sampled != sampled
+        self._target = self._predicted(sampled) if is_guess else self._newest
         if known:
-            self._take(known, cycles)
-        elif self._guesses < _EXTRAPOLATED and self._cycles_needed(self._slope) <= 1:
-            self._target = self._target + cycles * self._slope
-        self._guesses = 0 if known or self._sampled is None else self._guesses + 1
-        self.missing += 0 < self._interval <= _DENSE and self._sampled != sampled
+            jump = expected - self._target
+            spread = _RETURN * self._guesses if self._is_dense else self._interval
+            if spread or self._cycles_needed(jump) > cycles:
+                self._residual = self._residual + jump
+                self._left = max(self._left, spread, self._cycles_needed(self._residual))
+        self._guesses = self._guesses + 1 if is_guess else 0
+        self.missing += is_guess and self._is_dense
         if self._left:
             self._left -= 1
             self._residual = self._residual * (self._left / (self._left + 1))
         return self._target + self._residual
 
-    def _take(self, known: list[int], cycles: Cycles) -> None:
-        """Go over to the newest of the velocities of these cycles."""
-        for cycle in known:
-            dx = self._twists.pop(cycle)
-            self._interval = 0 if self._sampled is None else max(cycle - self._sampled, 1)
-            self._slope = self._rest
-            if 0 < self._interval <= _DENSE:
+    def _take(self, cycle: int) -> None:
+        """Go over to the velocity of a cycle."""
+        dx = self._twists.pop(cycle)
+        self._slope = self._rest
+        if self._sampled is not None:
+            self._interval = max(cycle - self._sampled, 1)
+            self._intervals.append(self._interval)
+            self._is_dense = min(self._intervals) <= _DENSE
+            if self._is_dense:
                 self._slope = (dx - self._newest) / self._interval
-            self._sampled = cycle
-            self._newest = dx
-        jump = self._target - dx
-        self._target = dx
-        missed = max(self._interval - 1, 0) or _RETURN * self._guesses  # held up, then all at once
-        if missed or self._cycles_needed(jump) > cycles:
-            self._residual = self._residual + jump
-            needed = self._cycles_needed(self._residual)
-            self._left = max(self._left, missed + 1, needed)
+        self._sampled = cycle
+        self._newest = dx
+
+    def _predicted(self, cycle: int) -> TaskVelocity:
+        """The newest velocity, continued to a cycle if it changes steadily."""
+        if self._sampled is None or self._cycles_needed(self._slope) > 1:
+            return self._newest
+        return self._newest + min(cycle - self._sampled, _EXTRAPOLATED) * self._slope
 
     def _cycles_needed(self, change: TaskVelocity) -> Cycles:
         """Over so many cycles a change keeps to the largest accelerations."""
