@@ -4,6 +4,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -107,9 +108,10 @@ def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_pat
 
 
 @pytest.mark.parametrize('ending', ['yaml', 'urdf', 'xacro'])
-def test_a_folder_in_place_of_a_file_is_refused_in_one_line(tmp_path, capsys, ending):
+@pytest.mark.parametrize('make', [os.mkfifo, os.mkdir, partial(os.symlink, '/dev/zero')])
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path, capsys, make, ending):
     path = tmp_path / f'a.{ending}'
-    path.mkdir()
+    make(path)
     option = '--task' if ending == 'yaml' else '--robot'
     assert main(['simulate', option, str(path)]) == 1
     said = capsys.readouterr().err

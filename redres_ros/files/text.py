@@ -38,19 +38,27 @@ def write_json(content: Mapping[str, object], path: Path) -> None:
         path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
 
 
+def read_text(path: Path) -> str:
+    """The content of a file, in UTF-8. Raises FileError, also for a pipe or a device: reading some
+    has no end.
+    """
+    with attempting(f'read {path}'):
+        if path.exists() and not path.is_file():
+            raise ValueError('it is no regular file')
+        return path.read_text(encoding='utf-8')
+
+
 def read_yaml(path: Path) -> Any:
     """The content of a file. Raises FileError."""
     import yaml  # for files alone
 
-    with attempting(f'read {path}'):
-        content = path.read_bytes()
+    text = read_text(path)
     try:
-        text = content.decode()
         node = yaml.compose(text, yaml.SafeLoader)
         if node and _size(node, {}) > _MOST_NODES:
             raise yaml.YAMLError(f'its aliases stand for more than {_MOST_NODES} values')
         return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a number too long
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError, reason_of
 from redres_ros.files.installation import remedy
-from redres_ros.files.text import attempting
+from redres_ros.files.text import read_text
 
 if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for numpy 1.26, too
     raise ImportError(
@@ -150,8 +150,7 @@ def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.nd
 
 def read_urdf(path: Path) -> str:
     """The text of a URDF file; a .xacro file is converted. Raises FileError."""
-    with attempting(f'read the URDF {path}'):
-        text = path.read_text(encoding='utf-8')
+    text = read_text(path)
     if path.suffix != '.xacro':
         return text
     try:
