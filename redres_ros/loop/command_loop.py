@@ -135,7 +135,9 @@ class CommandLoop:
         """What blocks motion, and the remedy; empty if nothing does."""
         if reason := self.faults.reason:
             return f'{reason}; controller/hold with false, or a new motion, lets it go on'
-        return self._cycles.rate_error
+        if self._cycles.rate_error or self.mode is not Mode.HOLDING or self._newest is None:
+            return self._cycles.rate_error
+        return self.faults.holding_problem(self._newest.q)
 
     @property
     def warning(self) -> str:

@@ -140,6 +140,29 @@ class FaultMonitor:
         published = self._controller.published
         return published is not None and largest(q - published.q) > self._allowed
 
+    def holding_problem(self, q: JointPositions) -> str:
+        """Why an arm at rest, measured at q, cannot stay at its reference; or ''."""
+        controller = self._controller
+        if controller.published is None:
+            return ''
+        if self.is_away(q):
+            apart = np.abs(q - controller.published.q)
+            joint = int(np.argmax(apart))
+            return (
+                f'held, and {controller.model.joint_names[joint]} is measured {apart[joint]:.3g} '
+                'rad from its reference: the next motion begins with an approach to where it is'
+            )
+        command = controller.hold_command()
+        limits = controller.policy.limits
+        bounds = limits and limits.at(command.state, command.T)
+        if not bounds or bounds.allow(command.dq):
+            return ''
+        _, active = bounds.nearest(command.dq, None, [])
+        return (
+            f'held where a limit does not allow it ({active.name if active else ""}): a task '
+            'velocity moves it back within its limits, or change that limit'
+        )
+
 
 class SafetyFilter:
     """Checks plans against what the controller has published before."""
