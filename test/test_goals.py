@@ -145,6 +145,13 @@ def test_a_target_before_the_first_state_is_refused() -> None:
         assert state(made) is TaskState.IDLE
 
 
+def test_a_task_that_is_started_before_the_first_state_begins_with_it() -> None:
+    with virtual_run() as made:
+        assert made.graph.call('planner/start').success
+        assert state(made) is not TaskState.MOVING
+        assert made.run_until(lambda: state(made) is TaskState.MOVING, 2.0)
+
+
 def test_nothing_begins_while_the_controller_is_inactive(run: VirtualRun) -> None:
     run.graph.publish('controller/mode', String(data='inactive'), latched=True)
     response = run.graph.call('planner/start')

@@ -45,7 +45,7 @@ from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Position, Rotation
 
-_Begin = Callable[[JointPositions], str]
+_Begin = Callable[[], str]
 
 # Fraction of a cycle that is left to controller and robot before the planner computes.
 _HEADSTART = 0.15
@@ -193,7 +193,8 @@ class PlannerNode(ManagedNode):
     def _on_target(self, message: PoseStamped) -> None:
         with self._inputs.judging('target_pose'):
             x, R = from_pose(message, (self._frame, ''))
-            q = self._check_ready()
+            self._check_ready()
+            q = self._measured()
             if self._run.state is TaskState.HOMING:
                 raise GoalError('the joints are moving to the start; planner/stop ends that')
             check_age(to_nanoseconds(message.header.stamp), self._run.cycles, time.time_ns())
@@ -210,26 +211,28 @@ class PlannerNode(ManagedNode):
         """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
         try:
-            message = begin(self._check_ready())
+            self._check_ready()
+            message = begin()
         except RedresError as error:
             self._inputs.refuse(service, error)
             return Trigger.Response(success=False, message=f'{task}: {error}')
         self._inputs.accept(service)
         return Trigger.Response(success=True, message=f'{task}: {message}')
 
-    def _start_task(self, q: JointPositions) -> str:
-        """Begin the task with the joints at q; returns what will happen."""
+    def _start_task(self) -> str:
+        """Begin the task, with the first state if none has come yet; returns what will happen."""
         if self._run.is_running:
             return 'is running already; planner/stop ends it'
         self._begin_goal(self._goals.task())
-        home = self._announced_home(q)
+        home = '' if self._q is None else self._announced_home(self._q)
         duration = self._task.segments * self._task.segment_time  # [s]
         if home:
             return f'{home}, then begins; the task takes {duration:.3g} s'
         return f'begins as soon as the robot takes commands; takes {duration:.3g} s'
 
-    def _go_home(self, q: JointPositions) -> str:
-        """Move the joints from q to the start of the task; returns what will happen."""
+    def _go_home(self) -> str:
+        """Move the joints to the start of the task; returns what will happen."""
+        q = self._measured()
         if self._run.is_running:
             raise GoalError('a task is running; planner/stop ends it')
         self._begin_goal(self._goals.home())
@@ -242,19 +245,23 @@ class PlannerNode(ManagedNode):
             return ''
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
-    def _check_ready(self) -> JointPositions:
-        """Where the joints are; raises GoalError or LifeError if nothing may begin."""
+    def _measured(self) -> JointPositions:
+        """Where the joints are. Raises GoalError before the first state."""
+        if self._q is None:
+            raise GoalError('no joint_states received yet; expected them before a goal')
+        return self._q
+
+    def _check_ready(self) -> None:
+        """Raise GoalError or LifeError if nothing may begin."""
         if not self.active:
             raise LifeError(f'the planner is {self.life}; activate it first')
         stopped = self._run.stop_reason
         if stopped:
             raise GoalError(f'the robot has stopped: {stopped}; call sim/reset to go on')
-        if self._q is None:
-            raise GoalError('no joint_states received yet; expected them before a goal')
-        # In lock-step the controller responds to its first state with the first task velocity.
-        if self._run.mode == 'inactive' and not self._settings.lockstep:
+        # Before the first state it says no more, in lock-step before the first task velocity.
+        is_known = self._q is not None and not self._settings.lockstep
+        if is_known and self._run.mode == 'inactive':
             raise GoalError('the controller is inactive; activate it first')
-        return self._q
 
     def _begin_goal(self, goal: Goal) -> None:
         self._run.begin(goal)
