@@ -97,9 +97,9 @@ def test_walls_that_no_limit_keeps_are_reported_with_what_to_do() -> None:
     with ros():
         node = ControllerNode()
         assert set_in(node, {'scene.walls': 'inside_sphere 0 0 0 2'}) == ''
-        assert 'add workspace to the parameter limits' in node._health().summary
+        assert 'add workspace to the parameter limits' in node._policy.problem
         assert set_in(node, {'limits': ['position', 'workspace']}) == ''
-        assert 'workspace' not in node._health().summary
+        assert not node._policy.problem
         node.destroy_node()
 
 
