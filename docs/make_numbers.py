@@ -14,7 +14,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
-from redres_ros.paper.sketches import figure_1
 from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.plots import legend_below, time_panels
@@ -314,9 +313,6 @@ def main() -> None:
             'limits': limits_text(results),
         }
     )
-    figure = figure_1()
-    figure.axes[0].set_title('')  # it is no number of a page
-    figure.savefig(PICTURES / 'architecture.png', dpi=90)
     draw_laws(results).savefig(PICTURES / 'laws.png', dpi=110)
     draw_rectangle_dampings(results).savefig(PICTURES / 'damping.png', dpi=110)
 

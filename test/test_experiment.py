@@ -10,38 +10,32 @@ from doubles import LateArm
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.paper.experiment import AFTERMATH, Client, Experiment, differentiate, experiment
-from redres_ros.robots import find_arm
+from redres_ros.paper.experiment import AFTERMATH, Experiment, differentiate, experiment
 from redres_ros.simulation.closed_loop import run
 
 pytestmark = pytest.mark.slow
 
 T = 0.002  # [s]
 TASK = load_task('rectangle')
-ARM = find_arm(TASK.robot, dynamics='identified')
+MODEL = RobotModel.named(TASK.robot, dynamics='identified')
 # Half of the first segment: long enough to move, short enough for a test.
 SHORT = replace(
     TASK, waypoints=np.array((TASK.waypoints[0], TASK.waypoints[:2].mean(axis=0))), segment_time=1.5
 )
 
 
-def controller(law: str, damping: float = 5.0, switch_time: float = 0.2) -> Controller:
-    made = make_law(law, damping=damping)
-    return Controller(RobotModel(ARM), made, T, switch_time=switch_time)
-
-
-def short(client: Client) -> Experiment:
-    return experiment(client, SHORT, ARM)
+def controller(law: str) -> Controller:
+    return Controller(MODEL, make_law(law, damping=5.0), T, switch_time=0.2)
 
 
 @pytest.fixture(scope='module')
 def stopped() -> Experiment:
-    return experiment(controller('minimum_velocity'), TASK, ARM)
+    return experiment(controller('minimum_velocity'), TASK)
 
 
 @pytest.fixture(scope='module')
 def finished() -> Experiment:
-    return experiment(controller('minimum_acceleration'), TASK, ARM)
+    return experiment(controller('minimum_acceleration'), TASK)
 
 
 # --- the paper's two outcomes ---------------------------------------------------------------------
@@ -57,7 +51,7 @@ def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):
     assert finished.recording.finished
     assert not finished.stop_reason
-    assert np.linalg.norm(RobotModel(ARM).tip(finished.q[-1])[0] - TASK.waypoints[-1]) < 0.001
+    assert np.linalg.norm(MODEL.tip(finished.q[-1])[0] - TASK.waypoints[-1]) < 0.001
 
 
 def test_a_stopped_arm_comes_to_rest_and_is_watched_doing_so(stopped):
@@ -66,7 +60,7 @@ def test_a_stopped_arm_comes_to_rest_and_is_watched_doing_so(stopped):
 
 
 def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
-    limit = RobotModel(ARM).dq_max
+    limit = MODEL.dq_max
     assert (np.abs(finished.recording.vectors('dq1')) > limit).any()
     # The arm behind its servos may be faster than its reference by what they make up for.
     assert (np.abs(np.diff(finished.q, axis=0) / T) < 1.02 * limit).all()
@@ -76,7 +70,7 @@ def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
 
 
 def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
-    real = short(controller('minimum_acceleration')).recording
+    real = experiment(controller('minimum_acceleration'), SHORT).recording
     ideal = run(controller('minimum_acceleration'), SHORT, plant=LateArm(SHORT.start))
     ticks = min(len(real.data), len(ideal.data))
     apart = np.abs(real.vectors('q1')[:ticks] - ideal.vectors('q1')[:ticks]).max()

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.paper import figures as drawing
-from redres_ros.paper.experiment import Experiment, MeasuredMotion
+from redres_ros.paper.experiment import Experiment, MeasuredMotion, VelocityDifference
 from redres_ros.paper.figures import FIGURES, draw_all
 from redres_ros.paper.runs import Runs
 from redres_ros.planning.waypoints import WaypointTask
@@ -22,8 +22,8 @@ FRAMES = 6  # pictures of a motion
 UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 PAGE = Path(__file__).parents[1] / 'docs' / 'the_paper.md'
 # Axes of each figure; of a motion one for the paths, and the pictures
-AXES = {1: 1, 2: 1, 4: 3, 5: 1, 7: 2, 8: 1, 10: 2, 12: 2, 13: 1, 15: 2, 16: 1}
-AXES |= dict.fromkeys((3, 6, 9, 11, 14), 1 + FRAMES)
+AXES = {4: 3, 5: 1, 7: 2, 8: 1, 10: 2, 12: 2, 13: 1, 15: 2, 16: 1}
+AXES |= dict.fromkeys((3, 6, 9, 11, 14), 1 + FRAMES)  # 1 and 2 are drawings
 
 
 def shortened(task: WaypointTask) -> WaypointTask:
@@ -49,7 +49,7 @@ def plots(figure: Figure) -> list[Axes]:
 
 
 def test_every_figure_of_the_paper_is_on_its_page_once():
-    assert sorted(FIGURES) == sorted(AXES) == list(range(1, 17))
+    assert sorted(FIGURES) == sorted(AXES) == list(range(3, 17))
     shown = re.findall(r'\]\((paper/figure_(\d+)\.webp)\)', PAGE.read_text(encoding='utf-8'))
     assert [int(number) for _, number in shown] == sorted(FIGURES)
     assert all((PAGE.parent / file).is_file() for file, _ in shown)
@@ -94,10 +94,10 @@ def test_a_stop_is_marked_and_reported(runs):
 def test_the_files_are_named_for_their_numbers_and_progress_is_reported(
     runs, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(drawing, 'FIGURES', {n: FIGURES[n] for n in (1, 2, 10)})
+    monkeypatch.setattr(drawing, 'FIGURES', {n: FIGURES[n] for n in (4, 10)})
     shares: list[float] = []
     files = draw_all(tmp_path / 'new', shares.append, runs)
-    assert [path.name for path in files.values()] == [f'figure_{n}.png' for n in ('01', '02', '10')]
+    assert [path.name for path in files.values()] == ['figure_04.png', 'figure_10.png']
     assert all(min(matplotlib.image.imread(path).shape[:2]) > 500 for path in files.values())
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -108,7 +108,7 @@ def test_the_files_are_named_for_their_numbers_and_progress_is_reported(
     [('measured_23_at_once', 'measured_22'), ('measured_35_at_once', 'measured_29')],
 )
 def test_laws_and_schemes_differ_by_their_sensors_in_experiments(runs, law, scheme):
-    found = runs.difference(law, scheme)
+    found = VelocityDifference.between(runs[law], runs[scheme])
     assert 0.0 < found.measured.max() < 0.02 * found.dq.max()
     # What the paper plots is at most the sum of what it consists of.
     parts = found.commanded + found.filtered + found.servo

@@ -134,7 +134,10 @@ def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighte
     without = resolve(U[:, :2].T @ J, U[:, :2].T @ dx, b, W)
     share = ratio**2
     expected = share * (lost @ dx) + (1.0 - share) * (lost @ J @ without)
-    assert lost @ J @ resolve(J, dx, b, W) == pytest.approx(expected, abs=1e-9)
+    dq = resolve(J, dx, b, W)
+    assert lost @ J @ dq == pytest.approx(expected, abs=1e-9)
+    change = dq - b if W is None else W @ (dq - b)
+    assert null_space(J).T @ change == pytest.approx(0.0, abs=1e-9)  # Section 3: still the least
 
 
 def test_above_the_threshold_the_task_is_executed_exactly():

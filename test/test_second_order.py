@@ -2,14 +2,12 @@
 part by itself.
 """
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from doubles import SpringLaw
 
-from redres_ros import Controller, RobotModel, RobotState, make_law, resolve
+from redres_ros import RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
@@ -17,7 +15,6 @@ from redres_ros.paper.second_order import (
     SecondOrderController,
     step,
 )
-from redres_ros.simulation.closed_loop import run
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
@@ -59,9 +56,6 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
     return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
 
 
-# --- every scheme ---------------------------------------------------------------------------------
-
-
 @EVERY_SCHEME
 @EVERY_DAMPING
 def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
@@ -79,41 +73,12 @@ def test_the_arm_is_at_rest_before_the_first_tick(name, model, task):
     assert command.J @ command.ddq == pytest.approx(DX / T, rel=ROUNDING)
 
 
-# --- any preference -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class SpringScheme(Scheme):
-    """Eq. (18) with damping and a joint-space spring: ddq_N = -k_d dq - k_s q."""
-
-    k_s: float = 4.0  # [1/s^2]
-
-    def preferred(self, state: RobotState) -> np.ndarray:
-        return -self.damping * state.dq_prev - self.k_s * state.q
-
-
-def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):
-    short = replace(task, waypoints=task.waypoints[:2], segment_time=1.0)
-    law = run(Controller(model, SpringLaw(), T), short)
-    scheme = run(SecondOrderController(model, SpringScheme('minimum_acceleration'), T), short)
-    assert law.peak('null_velocity_norm')[0] > 0.1  # [rad/s]; the spring acts
-    assert (
-        np.abs(law.vectors('dq1') - scheme.vectors('dq1')).max() < 1e-11
-    )  # 1000 ticks of rounding of 1e-15
-
-
-# --- construction ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('name', ['minimum_velocity', 'minimum_kinetic_energy'])
 def test_a_law_of_first_order_has_no_scheme(name):
     with pytest.raises(
         UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"
     ):
         Scheme(name)
-
-
-# --- what the schemes ask of the model ------------------------------------------------------------
 
 
 def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(model, states):

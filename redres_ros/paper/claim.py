@@ -9,8 +9,6 @@ from pathlib import Path
 from redres_ros.files.text import writing
 from redres_ros.paper.runs import Runs
 
-ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
-
 PAPER = 'the paper'
 ASSUMPTION = 'our reading of the paper'
 
@@ -42,13 +40,6 @@ def claim(
 ) -> Callable[[Callable[[Runs], Finding]], Claim]:
     """A decorator that makes a claim of the function that measures it."""
     return lambda measure: Claim(section, says, measure, source)
-
-
-def same_velocities(largest: float) -> Finding:
-    """Whether a law and a scheme, each in its own closed loop, differ by rounding only [rad/s]."""
-    return Finding(
-        largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
-    )
 
 
 def table(findings: Mapping[Claim, Finding]) -> str:

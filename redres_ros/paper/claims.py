@@ -1,14 +1,16 @@
-"""Every sentence of the paper that can be measured: those on its theory, those on simulations
-(Sections 3.2 to 5) and experiments (Section 6), and our readings of what it leaves open.
+"""Every sentence of the paper on motions and their cost that can be measured: simulations (Sections
+2 to 5), experiments (Section 6), and our readings of what it leaves open. Its identities are tests.
 """
 
-from itertools import product
+import time
+from typing import Any
 
 import numpy as np
 
-from redres_ros.paper import theory
-from redres_ros.paper.claim import ASSUMPTION, ROUNDING, Claim, Finding, claim, same_velocities
-from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, velocity_difference
+from redres_ros.controller import Controller
+from redres_ros.laws import make_law
+from redres_ros.paper.claim import ASSUMPTION, Claim, Finding, claim
+from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.experiment import (
     FINER,
     WINDOW,
@@ -18,23 +20,47 @@ from redres_ros.paper.experiment import (
     differentiate,
 )
 from redres_ros.paper.runs import (
-    EXPERIMENT_DYNAMICS,
-    SIMULATION_DAMPING,
+    CONVERGING_LAWS,
     SIMULATION_T,
     TORQUE_LAWS,
+    TWO_ROUNDS,
     Runs,
-    two_rounds,
 )
+from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.simulation.recording import Recording
+
+ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 
 # fraction of the largest velocity up to which two experiments count as practically the same
 _PRACTICAL = 0.02
 _ALIKE = 0.05  # fraction of the joints' path up to which two motions count as very similar
 _AT_START = 1e-3  # [m] up to which q(0) is at x_0
+_REPETITIONS = 3000  # of a tick when it is timed
 
 # --- simulations with an ideal arm ---------------------------------------------------------------
+
+
+@claim(
+    '2.2',
+    'The approximations (8) to (10) are consistent: '
+    'the sampled laws tend to the continuous schemes',
+)
+def _proportional(runs: Runs) -> Finding:
+    orders = {law: runs[f'convergence_{law}'] for law in CONVERGING_LAWS}
+    return Finding(
+        all(0.9 <= order <= 1.1 for order in orders.values()),
+        'the error of q against the continuous scheme falls as T^p over the first segment, '
+        'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
+    )
+
+
+@claim(
+    '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
+)
+def _auxiliary_task(runs: Runs) -> Finding:
+    return _same_velocities(runs['difference_19'].max)
 
 
 @claim(
@@ -58,18 +84,18 @@ def _drift(runs: Runs) -> Finding:
     'unlike with the plain torque norm',
 )
 def _bounded(runs: Runs) -> Finding:
-    laws = ('minimum_weighted_torque', 'minimum_torque')
-    speeds: dict[str, list[float]] = {law: [] for law in laws}
-    listed = []
-    for dynamics, law, damping in product(
-        (EXPERIMENT_DYNAMICS, SIMULATION_DYNAMICS), laws, (0.0, SIMULATION_DAMPING)
-    ):
-        speed, _ = _peak(runs, two_rounds(law, damping, dynamics), 'velocity')
-        speeds[law].append(speed)
-        listed.append(f'{dynamics}, {law}, k_d = {damping:g}: {speed:.3g}')
-    weighted, plain = map(np.array, speeds.values())
+    speeds = {case: _peak(runs, case, 'velocity')[0] for case in TWO_ROUNDS}
+    held = all(
+        speed < min(speeds[dynamics, 'minimum_torque', damping], 100.0)
+        for (dynamics, law, damping), speed in speeds.items()
+        if law == 'minimum_weighted_torque'
+    )
+    listed = [
+        f'{dynamics}, {law}, k_d = {damping:g}: {speed:.3g}'
+        for (dynamics, law, damping), speed in speeds.items()
+    ]
     return Finding(
-        bool((weighted < np.minimum(plain, 100.0)).all()),
+        held,
         f'largest |dq| over two rounds of the rectangle [rad/s]: {"; ".join(listed)}',
         'bounded where the model is the identified one; '
         'with the cylinder model and no damping either norm diverges',
@@ -78,7 +104,8 @@ def _bounded(runs: Runs) -> Finding:
 
 @claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)')
 def _equivalence_damped(runs: Runs) -> Finding:
-    return _equivalence(runs['simulated_23'], runs['simulated_22'])
+    difference = velocity_difference(runs['simulated_23'], runs['simulated_22'])
+    return _same_velocities(float(difference.max()))
 
 
 @claim(
@@ -123,7 +150,8 @@ def _faster(runs: Runs) -> Finding:
 
 @claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)')
 def _equivalence_35(runs: Runs) -> Finding:
-    return _equivalence(runs['simulated_35'], runs['simulated_29'])
+    difference = velocity_difference(runs['simulated_35'], runs['simulated_29'])
+    return _same_velocities(float(difference.max()))
 
 
 @claim('4, A', 'So do the other torque laws and their schemes')
@@ -135,6 +163,30 @@ def _equivalence_others(runs: Runs) -> Finding:
         f'largest difference in closed loops of their own / given the same past: {listed}',
         'with the identified dynamics and k_d = 10 1/s',
     )
+
+
+@claim('7', 'The velocity laws cost no more computation than the second-order schemes')
+def _cost(runs: Runs) -> Finding:
+    ratios = {}
+    recording = runs['simulated_23']
+    q = recording.vectors('q1')[1000]
+    dx = runs.model.state(q, np.zeros(runs.model.n)).J[:3] @ recording.vectors('dq1')[1000]
+    for name in SCHEMES:
+        law = Controller(runs.model, make_law(name), SIMULATION_T)
+        scheme = SecondOrderController(runs.model, Scheme(name), SIMULATION_T)
+        pairs = [(_seconds(law, q, dx), _seconds(scheme, q, dx)) for _ in range(_REPETITIONS)]
+        ratios[name] = float(np.median([one / two for one, two in pairs]))
+    return Finding(
+        max(ratios.values()) <= 1.05,
+        'time of a tick, velocity law over second-order scheme: '
+        + ', '.join(f'{name} {ratio:.2f}' for name, ratio in ratios.items()),
+        'medians of pairs measured in turns; both evaluate the same model',
+    )
+
+
+@claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
+def _full_damping(runs: Runs) -> Finding:
+    return _same_velocities(runs['difference_2'].max)
 
 
 # --- experiments, here with the simulated arm behind the fake robot ------------------------------
@@ -155,8 +207,8 @@ def _stopped(runs: Runs) -> Finding:
 @claim('6.1', 'The peaks are seen in the measured acceleration after 7 s (Fig. 10)')
 def _seen(runs: Runs) -> Finding:
     tried = runs['measured_2']
-    before, after = (_largest(tried.motion, span) for span in ((0.0, 7.0), (7.0, np.inf)))
-    fine = _largest(tried.motion_through(FINER))
+    before, after = (_largest(tried.motion(), span) for span in ((0.0, 7.0), (7.0, np.inf)))
+    fine = _largest(tried.motion(FINER))
     ideal = runs['ideal_2']
     peak, _ = _peak(runs, 'ideal_2')
     return Finding(
@@ -207,11 +259,11 @@ def _lower_peak(runs: Runs) -> Finding:
 @claim('6.1', 'So does the measured one (Figs. 10, 12)')
 def _lower_measured_peak(runs: Runs) -> Finding:
     tried = runs['measured_2'], runs['measured_23']
-    one, two = (_largest(each.motion) for each in tried)
-    fine_one, fine_two = (_largest(each.motion_through(FINER)) for each in tried)
+    one, two = (_largest(each.motion()) for each in tried)
+    fine_one, fine_two = (_largest(each.motion(FINER)) for each in tried)
     recording = tried[0].recording
-    span = (0.0, tried[0].motion.t[-1])
-    longer = _largest(runs['measured_2_without_stop'].motion, span)
+    span = (0.0, tried[0].motion().t[-1])
+    longer = _largest(runs['measured_2_without_stop'].motion(), span)
     ideal_one, ideal_two = (_filtered(runs[name]) for name in ('ideal_2', 'ideal_23'))
     return Finding(
         two < one,
@@ -226,12 +278,12 @@ def _lower_measured_peak(runs: Runs) -> Finding:
 
 @claim('6.1', 'Law (23) and scheme (22) move the robot practically alike')
 def _practically_23(runs: Runs) -> Finding:
-    return _practically(runs.difference('measured_23_at_once', 'measured_22'))
+    return _practically(runs, 'measured_23_at_once', 'measured_22')
 
 
 @claim('6.1', 'What (23) commands and what is measured with (22) differ negligibly (Fig. 13)')
 def _plotted_23(runs: Runs) -> Finding:
-    return _plotted(runs.difference('measured_23_at_once', 'measured_22'))
+    return _plotted(runs, 'measured_23_at_once', 'measured_22')
 
 
 @claim('6.2', 'Law (35) needs the points in reverse order to stay within the joint ranges')
@@ -248,12 +300,12 @@ def _reverse_order(runs: Runs) -> Finding:
 
 @claim('6.2', 'Law (35) and scheme (29) with (34) move the robot practically alike')
 def _practically_35(runs: Runs) -> Finding:
-    return _practically(runs.difference('measured_35_at_once', 'measured_29'))
+    return _practically(runs, 'measured_35_at_once', 'measured_29')
 
 
 @claim('6.2', 'What (35) commands and what is measured with (29) differ negligibly (Fig. 16)')
 def _plotted_35(runs: Runs) -> Finding:
-    return _plotted(runs.difference('measured_35_at_once', 'measured_29'))
+    return _plotted(runs, 'measured_35_at_once', 'measured_29')
 
 
 # --- our readings of the paper -------------------------------------------------------------------
@@ -305,25 +357,33 @@ def _switching(runs: Runs) -> Finding:
     )
 
 
-CLAIMS: tuple[Claim, ...] = tuple(
-    value for value in (*vars(theory).values(), *globals().values()) if isinstance(value, Claim)
-)
+CLAIMS: tuple[Claim, ...] = tuple(value for value in globals().values() if isinstance(value, Claim))
 
 
-def _peak(runs: Runs, name: str, norm: str = 'acceleration') -> tuple[float, float]:
+def _peak(runs: Runs, name: Any, norm: str = 'acceleration') -> tuple[float, float]:
     """The largest norm of what was commanded in a run, and its time [s]."""
     result = runs[name]
     recording = result.recording if isinstance(result, Experiment) else result
     return recording.peak(f'joint_{norm}_norm')
 
 
-def _equivalence(law: Recording, scheme: Recording) -> Finding:
-    return same_velocities(
-        float(velocity_difference(law.vectors('dq1'), scheme.vectors('dq1')).max())
+def _same_velocities(largest: float) -> Finding:
+    """Whether a law and a scheme, each in its own closed loop, differ by rounding only [rad/s]."""
+    return Finding(
+        largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
     )
 
 
-def _practically(difference: VelocityDifference) -> Finding:
+def _seconds(
+    controller: Controller | SecondOrderController, q: np.ndarray, dx: np.ndarray
+) -> float:
+    begun = time.perf_counter()
+    controller.update(q, dx)
+    return time.perf_counter() - begun
+
+
+def _practically(runs: Runs, law: str, scheme: str) -> Finding:
+    difference = VelocityDifference.between(runs[law], runs[scheme])
     largest = float(difference.measured.max())
     speed = float(difference.dq.max())
     return Finding(
@@ -335,7 +395,8 @@ def _practically(difference: VelocityDifference) -> Finding:
     )
 
 
-def _plotted(difference: VelocityDifference) -> Finding:
+def _plotted(runs: Runs, law: str, scheme: str) -> Finding:
+    difference = VelocityDifference.between(runs[law], runs[scheme])
     at = int(np.argmax(difference.total))
     largest = float(difference.total[at])
     speed = float(difference.dq.max())

@@ -3,7 +3,6 @@ arm, and what measured positions show of the motion.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from redres_ros.fake_robot.plant import FaultyPlant, MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.recording import Recording
@@ -85,23 +83,13 @@ class Experiment:
     stop_reason: str
     q: np.ndarray
 
-    @cached_property
-    def motion(self) -> MeasuredMotion:
-        """The motion that the measured positions show through the paper's filter."""
-        return self.motion_through(WINDOW)
-
-    def motion_through(self, window: int) -> MeasuredMotion:
-        """The same through a filter with another window of samples. Raises ArrayError."""
+    def motion(self, window: int = WINDOW) -> MeasuredMotion:
+        """What a filter over that many samples shows. Raises ArrayError."""
         return differentiate(self.q, self.recording.T, window)
 
 
 def experiment(
-    client: Client,
-    task: WaypointTask,
-    arm: Arm,
-    *,
-    seed: int | None = None,
-    stops: bool = True,
+    client: Client, task: WaypointTask, *, seed: int | None = None, stops: bool = True
 ) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
@@ -121,8 +109,8 @@ def experiment(
         faults = Faults(encoder_step=_STEP, encoder_noise=_NOISE)
         late = _LATE
         ahead = float(np.random.default_rng(seed).uniform()) * client.T
-    plant = MujocoPlant(arm, client.T, task.start)
-    limits = JointLimits.of(arm)
+    plant = MujocoPlant(client.model.arm, client.T, task.start)
+    limits = JointLimits.of(client.model.arm)
     if not stops:
         limits = replace(limits, acceleration=_NO_STOP * limits.acceleration)
     robot = _Arm(FakeRobot(FaultyPlant(plant, faults, seed or 0), limits), late, seed or 0)
@@ -157,10 +145,11 @@ class VelocityDifference:
         ticks = min(len(dq) for dq in commands)
         inner = slice(_LEFT_OUT, ticks - _LEFT_OUT)
         dq_I, dq_II = (dq[inner] for dq in commands)
-        measured_I, measured_II = (each.motion.dq[: len(dq_I)] for each in (law, scheme))
+        motion = law.motion()
+        measured_I, measured_II = (each.dq[: len(dq_I)] for each in (motion, scheme.motion()))
         smooth_II = _as_measured(scheme, ticks)
         return cls(
-            law.motion.t[: len(dq_I)],
+            motion.t[: len(dq_I)],
             norms(measured_I),
             total=norms(dq_I - measured_II),
             measured=norms(measured_I - measured_II),

@@ -1,4 +1,4 @@
-"""The paper's figures by number, computed again."""
+"""The paper's figures of motions by number, computed again."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,9 +12,14 @@ from matplotlib.ticker import MaxNLocator
 
 from redres_ros.command import norms
 from redres_ros.paper.equivalence import velocity_difference
-from redres_ros.paper.experiment import FINER, WINDOW, Experiment, MeasuredMotion
+from redres_ros.paper.experiment import (
+    FINER,
+    WINDOW,
+    Experiment,
+    MeasuredMotion,
+    VelocityDifference,
+)
 from redres_ros.paper.runs import MOTIONS, Runs, title
-from redres_ros.paper.sketches import figure_1, figure_2
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.batch import in_parallel
@@ -138,7 +143,7 @@ def _draw_measured_norms(
     for ax, norm in zip(panels, columns, strict=True):
         ax.plot(recording['t'], recording[norm], color='0.6', lw=1.0, label='commanded')
         for window in windows:
-            motion = tried.motion_through(window)
+            motion = tried.motion(window)
             values = _norm(norm, motion, runs.experiment_model)
             label = f'measured, window of {window * recording.T:g} s'
             ax.plot(motion.t, values, label=label, **styles[window])
@@ -173,14 +178,16 @@ def _panels(heading: str, count: int, task: WaypointTask) -> tuple[Figure, list[
 
 def _draw_simulated_difference(number: int, law: str, scheme: str, runs: Runs) -> Figure:
     """Two simulations, whose difference is rounding."""
-    dq_I, dq_II = (runs[name].vectors('dq1') for name in (law, scheme))
-    curves = {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: velocity_difference(dq_I, dq_II)}
+    curves = {
+        _SCALE: norms(runs[law].vectors('dq1')),
+        _DIFFERENCE: velocity_difference(runs[law], runs[scheme]),
+    }
     return _draw_difference(title(number, law, scheme), runs[law]['t'], curves, _ROUNDING)
 
 
 def _draw_measured_difference(number: int, law: str, scheme: str, runs: Runs) -> Figure:
     """Two experiments: the paper's quantity, and what it consists of."""
-    found = runs.difference(law, scheme)
+    found = VelocityDifference.between(runs[law], runs[scheme])
     curves = {
         _SCALE: found.dq,
         f'{_DIFFERENCE}, I commanded, II measured, as in the paper': found.total,
@@ -209,8 +216,6 @@ def _draw_difference(
 
 
 FIGURES: dict[int, Callable[[Runs], Figure]] = {
-    1: figure_1,
-    2: figure_2,
     3: partial(_draw_motion, 3, 'simulated_23'),
     4: partial(_draw_norms, 4, 'simulated_23', _ACCELERATION),
     5: partial(_draw_simulated_difference, 5, 'simulated_23', 'simulated_22'),
@@ -234,9 +239,5 @@ def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[i
     Raises RedresError if a file cannot be written; progress receives the completed fraction.
     """
     files = {number: out / f'figure_{number:02d}.png' for number in FIGURES}
-
-    def draw(number: int) -> None:
-        save(FIGURES[number](runs), files[number])
-
-    in_parallel(draw, list(FIGURES), progress)
+    in_parallel(lambda number: save(FIGURES[number](runs), files[number]), list(FIGURES), progress)
     return files

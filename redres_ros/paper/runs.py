@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -9,30 +10,29 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, convergence, difference
-from redres_ros.paper.experiment import Experiment, VelocityDifference, experiment
+from redres_ros.paper.equivalence import Difference, convergence, difference
+from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.second_order import Scheme, SecondOrderController
 from redres_ros.planning.waypoints import WaypointTask, load_task
-from redres_ros.preferences import JointCentering, Preference
+from redres_ros.preferences import JointCentering
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import find_arm
 from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.recording import Recording
 
 SIMULATION_T = 0.001  # [s]
-SIMULATION_DAMPING = 10.0  # k_d [1/s]; lambda = 0.99 at either sampling time
-SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
+SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 EXPERIMENT_DYNAMICS = 'identified'  # of arm and controller alike
-PREFERENCE = JointCentering(gain=400.0)  # with which law (19) and scheme (18) are compared
 TORQUE_LAWS = ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
 CONVERGING_LAWS = ('minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent')
 
+_DAMPING = 10.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 _EXPERIMENT_T = 0.002  # [s]
 _EXPERIMENT_DAMPING = 5.0  # k_d [1/s]
+_SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
 
 
-class Runs(dict[str, Any]):
+class Runs(dict[Any, Any]):
     """Results by the names of RUNS; each is computed when first asked for, and kept.
 
     The tasks are the paper's unless others are given.
@@ -47,17 +47,13 @@ class Runs(dict[str, Any]):
         self.model = RobotModel.named(self.task.robot, dynamics=SIMULATION_DYNAMICS)
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
-    def __missing__(self, name: str) -> Any:
+    def __missing__(self, name: Any) -> Any:
         self[name] = RUNS[name](self)
         return self[name]
 
     def prepare(self, progress: Callable[[float], None]) -> None:
         """Run everything on all processors; progress receives the completed fraction."""
         self.update(zip(RUNS, in_parallel(self.__getitem__, list(RUNS), progress), strict=True))
-
-    def difference(self, law: str, scheme: str) -> VelocityDifference:
-        """The difference of two experiments by their names."""
-        return VelocityDifference.between(self[law], self[scheme])
 
 
 @dataclass(frozen=True)
@@ -104,18 +100,13 @@ class _RobotRun(_Setup):
 
     seed: int  # of the noise and of the start
     # A scheme of second order starts at once, so a law that is compared with one does so too.
-    switch_time: float = SWITCH_TIME
+    switch_time: float = _SWITCH_TIME
     stops: bool = True  # at accelerations beyond the arm's limits
     T: float = _EXPERIMENT_T
 
     def __call__(self, runs: Runs) -> Experiment:
-        return experiment(
-            self._client(runs.experiment_model, self.switch_time),
-            self.task(runs),
-            find_arm(runs.task.robot, dynamics=EXPERIMENT_DYNAMICS),
-            seed=self.seed,
-            stops=self.stops,
-        )
+        client = self._client(runs.experiment_model, self.switch_time)
+        return experiment(client, self.task(runs), seed=self.seed, stops=self.stops)
 
 
 def title(number: int, name: str, scheme: str = '') -> str:
@@ -132,39 +123,37 @@ def title(number: int, name: str, scheme: str = '') -> str:
     return f'Figure {number}. {kind}: {run.law} ({run.equation}){other}{damping}{period}{order}'
 
 
-def two_rounds(law: str, damping: float, dynamics: str) -> str:
-    """The name of a run of two rounds of the rectangle."""
-    return f'two_rounds_{dynamics}_{law}_{damping:g}'
-
-
 def _difference(
-    law: str,
-    damping: float = SIMULATION_DAMPING,
-    dynamics: str = SIMULATION_DYNAMICS,
-    preference: Preference | None = None,
-) -> Callable[[Runs], Any]:
-    """A law beside its scheme, both with the same damping [1/s] and preference."""
-
-    def compute(runs: Runs) -> Any:
-        model = RobotModel.named(runs.task.robot, dynamics=dynamics)
-        return difference(law, damping, SIMULATION_T, runs.task, model=model, preference=preference)
-
-    return compute
+    runs: Runs, law: str, scheme: Scheme, dynamics: str = SIMULATION_DYNAMICS
+) -> Difference:
+    """A law beside a scheme, both with the scheme's damping and preference."""
+    model = RobotModel.named(runs.task.robot, dynamics=dynamics)
+    return difference(make_law(law, damping=scheme.damping), scheme, SIMULATION_T, runs.task, model)
 
 
-def _convergence(law: str) -> Callable[[Runs], Any]:
+def _convergence(runs: Runs, law: str) -> float:
     """A law at several sampling times beside its scheme in continuous time, first segment."""
-    return lambda runs: convergence(law, SIMULATION_DAMPING, runs.task)
+    return convergence(Scheme(law, _DAMPING), runs.task, runs.model)
 
 
 _LEAST_VELOCITY = _RobotRun('2', 'minimum_velocity', seed=1)
 _LEAST_ACCELERATION = _RobotRun('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, seed=2)
 _CONSISTENT = _RobotRun('35', 'dynamically_consistent', 1.0 / _EXPERIMENT_T, seed=6)
 
+# Longer tasks, of which Section 4.1 speaks, by dynamics, law and damping
+TWO_ROUNDS = {
+    (dynamics, law, damping): _Simulation(equation, law, damping, dynamics=dynamics, rounds=2)
+    for dynamics, (law, equation), damping in product(
+        (EXPERIMENT_DYNAMICS, SIMULATION_DYNAMICS),
+        (('minimum_weighted_torque', '27'), ('minimum_torque', '7')),
+        (0.0, _DAMPING),
+    )
+}
+
 # A number in a name is that of the paper's equation.
-MOTIONS: dict[str, _Simulation | _RobotRun] = {
-    'simulated_23': _Simulation('23', 'minimum_acceleration', SIMULATION_DAMPING),
-    'simulated_22': _Simulation('22', 'minimum_acceleration', SIMULATION_DAMPING, is_scheme=True),
+MOTIONS: dict[Any, _Simulation | _RobotRun] = {
+    'simulated_23': _Simulation('23', 'minimum_acceleration', _DAMPING),
+    'simulated_22': _Simulation('22', 'minimum_acceleration', _DAMPING, is_scheme=True),
     'simulated_15': _Simulation('15', 'minimum_acceleration', 0.0),
     'simulated_35': _Simulation('35', 'dynamically_consistent', 1.0 / SIMULATION_T),
     'simulated_29': _Simulation('29', 'dynamically_consistent', 1.0 / SIMULATION_T, is_scheme=True),
@@ -173,9 +162,7 @@ MOTIONS: dict[str, _Simulation | _RobotRun] = {
     'ideal_23': _Simulation('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, T=_EXPERIMENT_T),
     'ideal_15': _Simulation('15', 'minimum_acceleration', 0.0, T=_EXPERIMENT_T),
     # The next point as soon as the error is below 1 mm:
-    'early_23': _Simulation(
-        '23', 'minimum_acceleration', SIMULATION_DAMPING, switching='within_tolerance'
-    ),
+    'early_23': _Simulation('23', 'minimum_acceleration', _DAMPING, switching='within_tolerance'),
     'early_15': _Simulation('15', 'minimum_acceleration', 0.0, switching='within_tolerance'),
     'measured_2': _LEAST_VELOCITY,
     'measured_2_without_stop': replace(_LEAST_VELOCITY, stops=False),
@@ -186,19 +173,23 @@ MOTIONS: dict[str, _Simulation | _RobotRun] = {
     'measured_35_forward': _CONSISTENT,
     'measured_35_at_once': replace(_CONSISTENT, is_reversed=True, switch_time=0.0, seed=7),
     'measured_29': replace(_CONSISTENT, equation='29', is_scheme=True, is_reversed=True, seed=8),
-    # Longer tasks, of which Section 4.1 speaks:
-    **{
-        two_rounds(law, *rest): _Simulation(equation, law, rest[0], dynamics=rest[1], rounds=2)
-        for law, equation in {'minimum_weighted_torque': '27', 'minimum_torque': '7'}.items()
-        for rest in product((0.0, SIMULATION_DAMPING), (EXPERIMENT_DYNAMICS, SIMULATION_DYNAMICS))
-    },
+    **TWO_ROUNDS,
 }
 
-RUNS: dict[str, Callable[[Runs], Any]] = {
-    'difference_15': _difference('minimum_acceleration', damping=0.0),
-    'difference_19': _difference('minimum_acceleration', preference=PREFERENCE),
-    'difference_2': _difference('minimum_velocity'),
-    **{f'difference_{law}': _difference(law, dynamics=EXPERIMENT_DYNAMICS) for law in TORQUE_LAWS},
-    **{f'convergence_{law}': _convergence(law) for law in CONVERGING_LAWS},
+_UNDAMPED = Scheme('minimum_acceleration', 0.0)
+_PREFERRING = Scheme('minimum_acceleration', _DAMPING, JointCentering(gain=400.0))  # Eq. (18)
+_FULLY_DAMPED = Scheme('minimum_acceleration', 1.0 / SIMULATION_T)
+
+RUNS: dict[Any, Callable[[Runs], Any]] = {
+    'difference_15': partial(_difference, law='minimum_acceleration', scheme=_UNDAMPED),
+    'difference_19': partial(_difference, law='minimum_acceleration', scheme=_PREFERRING),
+    'difference_2': partial(_difference, law='minimum_velocity', scheme=_FULLY_DAMPED),
+    **{
+        f'difference_{law}': partial(
+            _difference, law=law, scheme=Scheme(law, _DAMPING), dynamics=EXPERIMENT_DYNAMICS
+        )
+        for law in TORQUE_LAWS
+    },
+    **{f'convergence_{law}': partial(_convergence, law=law) for law in CONVERGING_LAWS},
     **MOTIONS,
 }

@@ -48,18 +48,14 @@ class Scheme:
         self, state: RobotState, ddx: TaskAcceleration, dJ_dq: TaskAcceleration
     ) -> JointAccelerations:
         """ddq for a task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq."""
-        return SCHEMES[self.law](state, ddx - dJ_dq, self.preferred(state))
+        ddq_N = -self.damping * state.dq_prev  # Eq. (21)
+        if self.preference is not None:
+            ddq_N = ddq_N + self.preference.acceleration_in(state, self.metric(state))
+        return SCHEMES[self.law](state, ddx - dJ_dq, ddq_N)
 
     def metric(self, state: RobotState) -> Weight:
         """W, in which the scheme chooses among the ddq; None for the identity."""
         return LAWS[self.law]().weight(state)
-
-    def preferred(self, state: RobotState) -> JointAccelerations:
-        """ddq_N of Eq. (18): null-space damping -k_d dq, Eq. (21), and the preference."""
-        ddq_N = -self.damping * state.dq_prev
-        if self.preference is None:
-            return ddq_N
-        return ddq_N + self.preference.acceleration_in(state, self.metric(state))
 
 
 # --- ddq for J ddq = ddx - dJ dq, (m,), and a preferred ddq_N, (n,) -------------------------------
