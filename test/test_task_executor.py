@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from redres_ros import load_task
+from redres_ros import RobotModel, load_task
 from redres_ros.geometry import rotation_matrix
 from redres_ros.loop.cycle_counter import ClockError
-from redres_ros.planning.goals import Goal, Target
+from redres_ros.planning.goals import Goal, Goals, GoalSettings
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner, Reference
 from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
@@ -224,8 +224,12 @@ def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
 def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     R = rotation_matrix(np.array((0.0, 0.0, 3.0)))
     x = HOME + np.array((0.0, 0.1, 0.0))
-    for R_end, size in ((R, 0.3), (None, 0.1)):
-        planner = Target(x, R_end, 0.2, TASK).make_planner(HOME, np.eye(3))
+    model = RobotModel.named('lwr4_paper')
+    for task_space, size in (('pose', 0.3), ('position', 0.1)):
+        goals = Goals(model, TASK, GoalSettings(target_speed=0.2), task_space)
+        make_planner = goals.target(x, R, TASK.start).make_planner
+        assert make_planner is not None
+        planner = make_planner(HOME, np.eye(3))
         assert planner.time_left(0.0) == pytest.approx(15.0 / 8.0 * size / 0.2)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
@@ -20,46 +20,13 @@ from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation, Se
 _SHORTEST = 0.5  # [s] that a motion takes at least
 _TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
 
+_Redirect = Callable[
+    [Planner | TargetFollower, Position, Rotation, TaskVelocity, Seconds], TargetFollower
+]
+
 
 class GoalError(RedresError):
     """A goal that cannot be taken at present."""
-
-
-class Target(NamedTuple):
-    """A pose of the tip (R None: a position) that it goes to with a largest speed [m/s]; of the
-    turn ten times as many [rad/s]. Gains and tolerances are those of the task.
-    """
-
-    x: Position
-    R: Rotation | None
-    speed: float
-    task: WaypointTask
-
-    def is_that_of(self, other: 'Target') -> bool:
-        """Whether both are the same pose."""
-        if self.R is not None and other.R is not None and not np.array_equal(self.R, other.R):
-            return False
-        return np.array_equal(self.x, other.x)
-
-    def make_planner(self, x: Position, R: Rotation) -> Planner:
-        """A straight segment from rest at x, R. Raises RangeError if it would take hours."""
-        turn = None if self.R is None else rotation_error(R, self.R)
-        path = replace(
-            self.task,
-            waypoints=np.array((x, self.x)),
-            orientations=None if self.R is None else np.array((R, self.R)),
-            segment_time=max(PEAK_SPEED * pose_distance(self.x - x, turn) / self.speed, _SHORTEST),
-        )
-        return Planner(path, x, R, feedback_limit=self.speed)
-
-    def make_follower(
-        self, x: Position, R: Rotation, dx: TaskVelocity, t: Seconds
-    ) -> TargetFollower:
-        """What leads a tip that moves at x, R with dx, at a time of the task, without a stop."""
-        start = None if self.R is None else R
-        follower = TargetFollower(self.task, x, start, dx, t, speed=self.speed)
-        follower.set_target(self.x, self.R)
-        return follower
 
 
 @dataclass(frozen=True)
@@ -68,8 +35,9 @@ class Goal:
 
     make_path: Callable[[JointPositions], JointPath | None] | None = None  # None if q is at its end
     make_planner: Callable[[Position, Rotation], Planner] | None = None  # for a tip at x and R
+    # leads a tip that moves already at x and R with dx, at a time of the task, without a stop
+    redirect: _Redirect | None = None
     goes_on: bool = False  # after a hold or a stop; if not, the first interruption ends it
-    target: Target | None = None  # what a tip that moves already is led to, without a stop
     patience: Seconds | None = 2.0  # to begin or to go on; None: for ever
 
 
@@ -137,12 +105,45 @@ class Goals:
         pose out of reach, or so far away that it would take hours.
         """
         self._model.check_reach(x)
-        settings = self._settings
-        target = Target(x, R if self._turns else None, settings.target_speed, self._task)
-        target.make_planner(*self._model.tip(q))
+        R_end = R if self._turns else None
+        self._straight_line(x, R_end, *self._model.tip(q))
         return Goal(
-            make_planner=target.make_planner, target=target, patience=settings.resume_within
+            make_planner=partial(self._straight_line, x, R_end),
+            redirect=partial(self._redirected, x, R_end),
+            patience=self._settings.resume_within,
         )
+
+    def _straight_line(
+        self, x_end: Position, R_end: Rotation | None, x: Position, R: Rotation
+    ) -> Planner:
+        """A segment from rest at x, R."""
+        speed = self._settings.target_speed
+        turn = None if R_end is None else rotation_error(R, R_end)
+        path = replace(
+            self._task,
+            waypoints=np.array((x, x_end)),
+            orientations=None if R_end is None else np.array((R, R_end)),
+            segment_time=max(PEAK_SPEED * pose_distance(x_end - x, turn) / speed, _SHORTEST),
+        )
+        return Planner(path, x, R, feedback_limit=speed)
+
+    def _redirected(
+        self,
+        x_end: Position,
+        R_end: Rotation | None,
+        source: Planner | TargetFollower,
+        x: Position,
+        R: Rotation,
+        dx: TaskVelocity,
+        t: Seconds,
+    ) -> TargetFollower:
+        """The follower that leads the tip already, or a new one, with another target."""
+        if not isinstance(source, TargetFollower):
+            start = R if self._turns else None
+            speed = self._settings.target_speed
+            source = TargetFollower(self._task, x, start, dx, t, speed=speed)
+        source.set_target(x_end, R_end)
+        return source
 
 
 def check_age(stamp: Nanoseconds, cycles: CycleCounter, time_of_day: Nanoseconds) -> None:

@@ -12,6 +12,8 @@ _SHORTEST = 0.5  # [s]
 _GAIN = 10.0  # k_P of the feedback [1/s]
 _TOLERANCE = 0.005  # [rad] at which the end counts as reached
 _TURN = 2.0 * np.pi  # [rad]
+_FRACTION = 0.25  # of the velocity and acceleration limits that an arm uses
+_THERE = 0.02  # [rad] within which a joint needs no path
 _MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the range
 
 
@@ -22,6 +24,13 @@ class JointReference(NamedTuple):
     q_d: JointPositions
     error: JointPositions
     finished: bool
+    segment: int = 0  # as of an approach by the tip
+
+    @property
+    def distance(self) -> tuple[float, str]:
+        """The largest error, also in words."""
+        error = float(np.abs(self.error).max())
+        return error, f'a joint is {error:.3g} rad from the start of the task'
 
 
 class JointPath:
@@ -63,16 +72,13 @@ class JointPath:
         is_there = float(np.abs(error).max()) < _TOLERANCE
         return JointReference(dq, q_d, error, t >= self.duration and is_there)
 
+    def time_left(self, t: Seconds) -> Seconds:
+        return max(self.duration - t, 0.0)
 
-def path_to(
-    model: RobotModel,
-    q: JointPositions,
-    q_end: JointPositions,
-    fraction: float = 0.25,
-    tolerance: float = 0.02,
-) -> JointPath | None:
-    """The motion of an arm from q to q_end, at a fraction of its velocity and acceleration limits;
-    None if every joint is there to within the tolerance [rad].
+
+def path_to(model: RobotModel, q: JointPositions, q_end: JointPositions) -> JointPath | None:
+    """The motion of an arm from q to q_end, at a fraction of its limits; None if every joint is
+    there.
 
     A joint with a range of more than a turn goes to the nearest equal angle within its range.
     """
@@ -80,10 +86,10 @@ def path_to(
     nearest = q_end + _whole_turns(q - q_end, turning)
     is_allowed = (nearest >= model.q_min + _MARGIN) & (nearest <= model.q_max - _MARGIN)
     q_end = np.where(is_allowed, nearest, q_end)
-    if np.abs(q_end - q).max() < tolerance:
+    if np.abs(q_end - q).max() < _THERE:
         return None
     acceleration = np.array(model.arm.acceleration_limit or (np.inf,) * model.n)
-    return JointPath(q, q_end, fraction * model.dq_max, fraction * acceleration, turning)
+    return JointPath(q, q_end, _FRACTION * model.dq_max, _FRACTION * acceleration, turning)
 
 
 def _whole_turns(angle: JointPositions, turning: np.ndarray | bool) -> JointPositions:

@@ -4,7 +4,7 @@ a target that changes while the tip moves. For the position alone or together wi
 
 import math
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,15 @@ class Reference(NamedTuple):
     R_d: Rotation | None = None
     orientation_error: RotationVector | None = None
 
+    @property
+    def distance(self) -> tuple[float, str]:
+        """From the next point, also in words; a turn counts by its arc on a lever."""
+        words = f'{np.linalg.norm(self.error):.3g} m from the next point'
+        if self.orientation_error is not None:
+            angle = np.linalg.norm(self.orientation_error)
+            words = f'turned by {angle:.3g} rad, and {words}'
+        return pose_distance(self.error, self.orientation_error), f'the tip is {words}'
+
 
 class Planner:
     """Passes a task's points, one segment after the other, and then holds the last one.
@@ -73,13 +82,19 @@ class Planner:
     ) -> None:
         self._task = task
         self._feedback = partial(_feedback, task.feedback_gain, feedback_limit)
-        self._points = task.waypoints.copy()  # (N, 3)
-        self._turns = task.orientations  # (N, 3, 3), None until one is known
-        self._times = [task.segment_time] * task.segments  # [s]
-        self._first_segment = 1
-        self._approach_from(x_start, R_start)
-        self._hold(R_start)
-        self._index = 0  # of the segment; that of the last point when all is finished
+        # The first segment leads from where the tip is to x_0.
+        x = task.waypoints[0] if x_start is None else x_start
+        self._points = np.vstack((x, task.waypoints))  # (N + 2, 3)
+        self._turns: np.ndarray | None = None  # (N + 2, 3, 3), None until one is known
+        if task.orientations is not None:
+            R = task.orientations[0] if R_start is None else R_start
+            self._turns = np.concatenate((R[None], task.orientations))
+        approach, *sizes = map(self._size, range(task.segments + 1))  # [m]
+        time = 0.0
+        if approach > _START_TOLERANCE:
+            time = task.segment_time * max(approach / (max(sizes) or approach), 1.0)
+        self._times = [time] + [task.segment_time] * task.segments  # [s]
+        self._index = 0 if time else 1  # of the segment; their number when all is finished
         self._t_segment = 0.0  # [s] at which it began
 
     def reference(
@@ -99,11 +114,12 @@ class Planner:
             unachieved: The part of the last dx that a singularity blocks.
             rate: Factor on the velocity along the path, for a clock that is going slower.
         """
-        self._hold(R)
+        if self._turns is None and R is not None:
+            self._turns = np.tile(R, (len(self._points), 1, 1))
         while not self._finished and self._is_over(x, t, R, unachieved):
             self._t_segment = t
             self._index += 1
-        start = min(self._index, len(self._times) - 1)
+        start = self._segment
         T_AB = self._times[start]
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
         ds *= rate / T_AB  # [1/s]
@@ -112,9 +128,8 @@ class Planner:
         x_d = self._points[start] + line * s if s < 1.0 else end.copy()  # Eq. (36)
         error = x_d - x
         dx = self._feedback(error) + line * ds  # Eq. (37)
-        segment = start + self._first_segment
         if R is None or self._turns is None:
-            return Reference(dx, x_d, error, segment, self._finished)
+            return Reference(dx, x_d, error, start, self._finished)
         A = self._turns[start]
         B = self._turns[start + 1]
         turn = rotation_error(A, B)
@@ -122,12 +137,11 @@ class Planner:
         turn_left = rotation_error(R, R_d)
         w = turn * ds + self._feedback(turn_left)  # Eq. (36), (37)
         twist = np.concatenate((dx, w))
-        return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
+        return Reference(twist, x_d, error, start, self._finished, R_d, turn_left)
 
     def time_left(self, t: Seconds) -> Seconds:
         """Time left of the current segment; 0 once it is overdue."""
-        time = self._times[min(self._index, len(self._times) - 1)]
-        left = self._t_segment + time - t
+        left = self._t_segment + self._times[self._segment] - t
         return left if left > _ROUNDING else 0.0
 
     def progress(self, t: Seconds) -> float:
@@ -138,6 +152,11 @@ class Planner:
     @property
     def _finished(self) -> bool:
         return self._index == len(self._times)
+
+    @property
+    def _segment(self) -> int:
+        """The number of the segment; the last one when all is finished."""
+        return min(self._index, len(self._times) - 1)
 
     def _is_over(
         self, x: Position, t: Seconds, R: Rotation | None, unachieved: TaskVelocity | None
@@ -164,39 +183,22 @@ class Planner:
             return error
         return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
-    def _approach_from(self, x_start: Position | None, R_start: Rotation | None) -> None:
-        """Add a segment to x_0 before the task, unless the tip is there."""
-        x = self._points[0] if x_start is None else x_start
-        points = np.vstack((x, self._points))
-        turns = None
+    def _size(self, segment: int) -> Meters:
+        A = self._points[segment]
+        B = self._points[segment + 1]
+        turn = None
         if self._turns is not None:
-            R = self._turns[0] if R_start is None else R_start
-            turns = np.concatenate((R[None], self._turns))
-        sizes = []  # [m]
-        for start in range(len(points) - 1):
-            turn = None if turns is None else rotation_error(turns[start], turns[start + 1])
-            sizes.append(pose_distance(points[start + 1] - points[start], turn))
-        if sizes[0] <= _START_TOLERANCE:
-            return
-        self._points = points
-        self._turns = turns
-        self._first_segment = 0
-        longest = max(sizes[1:]) or sizes[0]
-        self._times.insert(0, self._task.segment_time * max(sizes[0] / longest, 1.0))
-
-    def _hold(self, R: Rotation | None) -> None:
-        """Hold the first orientation that is known at every point of a task that has none."""
-        if self._turns is None and R is not None:
-            self._turns = np.tile(R, (len(self._points), 1, 1))
+            turn = rotation_error(self._turns[segment], self._turns[segment + 1])
+        return pose_distance(B - A, turn)
 
 
 class TargetFollower:
     """A point mass that is drawn to a target, with limited speed and acceleration.
 
     Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
-    takes a straight line; near the target it is a critically damped spring. What is unachieved does
-    not count: only the target itself ends the motion. At first the target is where the tip is, and
-    the mass goes on with its task velocity dx.
+    takes a straight line; near the target it is a critically damped spring. Only the target itself
+    ends the motion. At first it is where the tip is, and the mass goes on with its task velocity
+    dx.
 
     Args:
         task: Has the feedback gain and the tolerances.
@@ -227,12 +229,17 @@ class TargetFollower:
         """Go to another pose from here on."""
         self._x_end = x
         self._R_end = R
-        self._duration = max(self.time_left(self._t), 1e-9)  # [s]
 
     def reference(
-        self, x: Position, t: Seconds, R: Rotation | None = None, *, rate: float = 1.0, **_: Any
+        self,
+        x: Position,
+        t: Seconds,
+        R: Rotation | None = None,
+        *,
+        unachieved: TaskVelocity | None = None,
+        rate: float = 1.0,
     ) -> Reference:
-        """As of Planner."""
+        """As of Planner; what is unachieved does not count."""
         dt = max(t - self._t, 0.0)
         self._t = t
         self._v = self._next_velocity(self._x_end - self._x, self._v, dt, 1.0)
@@ -257,10 +264,6 @@ class TargetFollower:
             turn = rotation_error(self._R, self._R_end)
         left = pose_distance(self._x_end - self._x, turn)
         return left / self._speed if left > self._task.tolerance else 0.0
-
-    def progress(self, t: Seconds) -> float:
-        """The fraction of the time to the target that is over."""
-        return max(1.0 - self.time_left(t) / self._duration, 0.0)
 
     def _next_velocity(
         self, offset: np.ndarray, v: Velocity, dt: Seconds, scale: float

@@ -1,6 +1,5 @@
 """A goal from its first state to its end, through holds, stops and new robots: a state machine."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -9,8 +8,8 @@ import numpy as np
 
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.planning.goals import Goal
-from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import Planner, Reference, TargetFollower, pose_distance
+from redres_ros.planning.joint_path import JointPath, JointReference
+from redres_ros.planning.planner import Planner, Reference, TargetFollower
 from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.types import (
@@ -67,10 +66,9 @@ class _Execution:
     """A goal in execution; only TaskExecutor changes it."""
 
     goal: Goal
-    path: JointPath | None = None  # of the joints, before the tip's path
+    source: JointPath | Planner | TargetFollower | None = None  # None before anything is asked for
     has_begun: bool = False  # anything of it was asked for
-    source: Planner | TargetFollower | None = None  # of the tip's path; None before it begins
-    x_d: Position | None = None  # that was asked for last
+    x_d: Position | None = None  # that was asked for last; None before the tip's path begins
     waited: Seconds = 0.0  # for the controller, without a break
 
 
@@ -130,7 +128,7 @@ class TaskExecutor:
             return
         path = None
         if self._execution and self.state is TaskState.HOMING and goal.make_path:
-            path = self._execution.path
+            path = self._execution.source
         self.stop()
         self._execution = _Execution(goal, path, has_begun=path is not None)
         self.state = TaskState.WAITING if path is None else TaskState.HOMING
@@ -183,11 +181,11 @@ class TaskExecutor:
 
     @property
     def progress(self) -> float:
-        """The fraction of the tip's path that is over, 0 to 1."""
+        """The fraction of the tip's path that is over, 0 to 1; 0 towards changing targets."""
         if self.state is TaskState.FINISHED:
             return 1.0
         source = self._execution and self._execution.source
-        return source.progress(self.clock.t) if source else 0.0
+        return source.progress(self.clock.t) if isinstance(source, Planner) else 0.0
 
     @property
     def remark(self) -> str:
@@ -204,48 +202,42 @@ class TaskExecutor:
     # --- what is done in a state, and its transitions ---------------------------------------------
 
     def _next_step(self, arm: _ArmState) -> Step | None:
-        if self._execution is None:
+        execution = self._execution
+        if execution is None:
             return None
-        following, not_following = _ACTIONS[self.state]
+        is_under_way = self.state in (TaskState.HOMING, TaskState.MOVING)
         # At a limit the controller follows at no speed.
-        may_be_at_limit = self.state in (TaskState.HOMING, TaskState.MOVING)
-        is_at_limit = may_be_at_limit and self.mode == _MOVING and self.clock.is_receiving
-        action = following if self.clock.follows or is_at_limit else not_following
-        return action(self, self._execution, arm)
+        is_at_limit = is_under_way and self.mode == _MOVING and self.clock.is_receiving
+        if self.clock.follows or is_at_limit:
+            if self.state is TaskState.WAITING:
+                return self._set_off(execution, arm)
+            return self._follow(execution, arm)
+        if self.state is TaskState.FINISHED:
+            self._execution = None
+            return None
+        if is_under_way:
+            self.state = TaskState.WAITING
+            execution.waited = 0.0
+        return self._wait(execution, arm)
 
     def _set_off(self, execution: _Execution, arm: _ArmState) -> Step | None:
         """WAITING: resume the tip's path, or begin from where the arm is."""
         x_d = execution.x_d
-        is_away = x_d is not None and np.linalg.norm(arm.x - x_d) > _AWAY
-        if execution.source is not None and not is_away:
+        if x_d is not None and np.linalg.norm(arm.x - x_d) <= _AWAY:
             self.clock.resume()
-            return self._move(execution, arm)
+            return self._follow(execution, arm)
         make_path = execution.goal.make_path
-        execution.source = None
-        execution.path = make_path(arm.q) if make_path else None
         execution.has_begun = True
+        execution.x_d = None
+        execution.source = make_path(arm.q) if make_path else None
+        if execution.source is None:
+            return self._begin_tip_path(execution, arm)
         self.clock.begin()
         self.monitor.begin()
-        return self._home(execution, arm)
+        return self._follow(execution, arm)
 
-    def _home(self, execution: _Execution, arm: _ArmState) -> Step | None:
-        """HOMING: the joints to the start of the tip's path."""
-        path = execution.path
-        t = self.clock.t
-        reference = path.reference(arm.q, t, self.clock.speed.fraction) if path else None
-        if path is None or reference is None or reference.finished:
-            return self._arrive_home(execution, arm)
-        self.state = TaskState.HOMING
-        left = max(path.duration - t, 0.0)
-        error = float(np.abs(reference.error).max())
-        distance = f'a joint is {error:.3g} rad from the start of the task'
-        if self.monitor.enter(self._seconds, 0, left, error, distance):
-            self._end(self.monitor.remark, TaskState.STUCK)
-            return None
-        return Step(arm.stamp, dq=reference.dq)
-
-    def _arrive_home(self, execution: _Execution, arm: _ArmState) -> Step | None:
-        """HOMING to MOVING, or to FINISHED."""
+    def _begin_tip_path(self, execution: _Execution, arm: _ArmState) -> Step | None:
+        """To MOVING, or to FINISHED without such a path."""
         make_planner = execution.goal.make_planner
         if make_planner is None:
             self._execution = None
@@ -255,45 +247,33 @@ class TaskExecutor:
         self.clock.begin()
         self.monitor.begin()
         self.start_stamp = arm.stamp
-        return self._move(execution, arm)
+        return self._follow(execution, arm)
 
-    def _move(self, execution: _Execution, arm: _ArmState) -> Step | None:
-        """MOVING, FINISHED: the tip along its path."""
+    def _follow(self, execution: _Execution, arm: _ArmState) -> Step | None:
+        """HOMING, MOVING, FINISHED: along the path of the joints or of the tip."""
         source = execution.source
-        if source is None:
-            return None
+        assert source is not None
         t = self.clock.t
-        reference = source.reference(
-            arm.x,
-            t,
-            arm.R if self._turns else None,
-            unachieved=arm.unachieved,
-            rate=self.clock.speed.fraction,
-        )
-        execution.x_d = reference.x_d
-        step = Step(arm.stamp, reference.dx, None, reference)
-        if reference.finished:
-            self.state = TaskState.FINISHED
-            return step
-        self.state = TaskState.MOVING
-        left = source.time_left(t)
-        error = pose_distance(reference.error, reference.orientation_error)
-        distance = f'{np.linalg.norm(reference.error):.3g} m from the next point'
-        if reference.orientation_error is not None:
-            angle = np.linalg.norm(reference.orientation_error)
-            distance = f'turned by {angle:.3g} rad, and {distance}'
-        if self.monitor.enter(
-            self._seconds, reference.segment, left, error, f'the tip is {distance}'
-        ):
+        rate = self.clock.speed.fraction
+        reference: JointReference | Reference
+        if isinstance(source, JointPath):
+            reference = source.reference(arm.q, t, rate)
+            if reference.finished:
+                return self._begin_tip_path(execution, arm)
+            self.state = TaskState.HOMING
+            step = Step(arm.stamp, dq=reference.dq)
+        else:
+            R = arm.R if self._turns else None
+            reference = source.reference(arm.x, t, R, unachieved=arm.unachieved, rate=rate)
+            execution.x_d = reference.x_d
+            self.state = TaskState.FINISHED if reference.finished else TaskState.MOVING
+            step = Step(arm.stamp, reference.dx, None, reference)
+        place = (reference.segment, source.time_left(t), *reference.distance)
+        is_finished = self.state is TaskState.FINISHED
+        if not is_finished and self.monitor.enter(self._seconds, *place):
             self._end(self.monitor.remark, TaskState.STUCK)
             return None
         return step
-
-    def _interrupt(self, execution: _Execution, arm: _ArmState) -> Step | None:
-        """HOMING, MOVING to WAITING."""
-        self.state = TaskState.WAITING
-        execution.waited = 0.0
-        return self._wait(execution, arm)
 
     def _wait(self, execution: _Execution, arm: _ArmState) -> Step | None:
         """WAITING: zero velocity, at which the controller reports whether it would follow."""
@@ -301,7 +281,7 @@ class TaskExecutor:
         if over := self._why_over(execution):
             self._end(over)
             return None
-        if execution.path is not None and execution.source is None:
+        if isinstance(execution.source, JointPath):
             return Step(arm.stamp, dq=np.zeros(len(arm.q)))
         return Step(arm.stamp, dx=np.zeros(6 if self._turns else 3))
 
@@ -317,30 +297,20 @@ class TaskExecutor:
         silence = f'has not followed for {goal.patience:g} s (resume_within)'
         return f'the controller is {mode}, and {silence}'
 
-    def _drop(self, execution: _Execution, arm: _ArmState) -> None:
-        """FINISHED: nothing is asked for any more."""
-        self._execution = None
-
     def _redirect(self, goal: Goal) -> bool:
         """MOVING, FINISHED: lead the tip to the target of a goal; whether that could be done."""
         execution = self._execution
-        target = goal.target
-        if target is None or execution is None or self._arm is None:
+        arm = self._arm
+        dx = self._step and self._step.dx
+        if goal.redirect is None or execution is None or arm is None or dx is None:
             return False
-        is_moving = self.state is TaskState.MOVING
-        before = execution.goal.target
-        if is_moving and before is not None and target.is_that_of(before):
-            return True
         source = execution.source
-        if isinstance(source, TargetFollower) and (is_moving or self.state is TaskState.FINISHED):
-            source.set_target(target.x, target.R)
-        elif is_moving and self._step is not None and self._step.dx is not None:
-            arm = self._arm
-            execution.source = target.make_follower(arm.x, arm.R, self._step.dx, self.clock.t)
-        else:
+        is_held = isinstance(source, TargetFollower) and self.state is TaskState.FINISHED
+        is_moving = self.state is TaskState.MOVING or is_held
+        if not is_moving or source is None or isinstance(source, JointPath):
             return False
+        execution.source = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
         execution.goal = goal
-        execution.path = None
         self.state = TaskState.MOVING
         self.monitor.begin()
         return True
@@ -364,13 +334,3 @@ class TaskExecutor:
         self._ending = f'{reason}: {what}'
         self.state = state
 
-
-_Action = Callable[[TaskExecutor, _Execution, _ArmState], Step | None]
-
-# What is done at a state of the robot: while the controller follows, and while it does not.
-_ACTIONS: dict[TaskState, tuple[_Action, _Action]] = {
-    TaskState.WAITING: (TaskExecutor._set_off, TaskExecutor._wait),
-    TaskState.HOMING: (TaskExecutor._home, TaskExecutor._interrupt),
-    TaskState.MOVING: (TaskExecutor._move, TaskExecutor._interrupt),
-    TaskState.FINISHED: (TaskExecutor._move, TaskExecutor._drop),
-}
