@@ -201,7 +201,7 @@ class RobotModel:
     @cached_property
     def bodies(self) -> Bodies:
         """The capsules that must not collide, read from the URDF."""
-        return self.arm.bodies()
+        return Bodies.along(self.kinematics, self.arm.body_radius)
 
     @property
     def elbow_frame(self) -> str:

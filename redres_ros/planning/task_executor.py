@@ -333,4 +333,3 @@ class TaskExecutor:
         what = 'the task is over; planner/start begins it again' if is_task else 'the goal is over'
         self._ending = f'{reason}: {what}'
         self.state = state
-

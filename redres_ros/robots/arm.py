@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.chain import UNLIMITED_EFFORT, make_cylinders, tree_to, write_out_joints
-from redres_ros.robots.kinematics import Bodies, Kinematics
+from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import TEXT, Urdf, child, read_urdf
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
@@ -19,8 +19,6 @@ OF_EACH_JOINT = (
     'end_speeds',
     'start',
 )  # fields of an arm
-
-_DEFAULT_RADIUS = 0.06  # [m] of a body
 
 
 class EndSpeed(NamedTuple):
@@ -54,7 +52,7 @@ class Arm:
     # singular.
     dynamics: str = 'identified'
     rotor_inertia: tuple[float, ...] = ()  # reflected to the joints [kg m^2]; empty: none
-    # of the capsules around the base and around each link, (n + 1,) [m], 0 for none
+    # of the capsules around the base and around each link, (n + 1,) [m], 0 for none; empty: alike
     body_radius: tuple[float, ...] = ()
     acceleration_limit: tuple[float, ...] = ()  # [rad/s^2]; empty: unlimited
     jerk_limit: tuple[float, ...] = ()  # [rad/s^3]; empty: 100 1/s times the acceleration limit
@@ -100,19 +98,6 @@ class Arm:
     def kinematics(self) -> Kinematics:
         """The moving joints, and the chain to the tip. Raises as `description`."""
         return Kinematics(self.description(), self.tip_frame, self.source)
-
-    def bodies(self) -> Bodies:
-        """The capsules that must not collide. Raises as `description`, and ArrayError for radii of
-        other links.
-        """
-        kinematics = self.kinematics()
-        radius = self.body_radius or (_DEFAULT_RADIUS,) * (kinematics.n + 1)
-        if len(radius) != kinematics.n + 1:
-            raise ArrayError(
-                f'body_radius has {len(radius)} values; expected {kinematics.n + 1}, '
-                'one for the base and one for each link'
-            )
-        return Bodies.along(kinematics, radius)
 
     def _prepared(self) -> tuple[Urdf, list[str]]:
         """The URDF ready for use, and remarks on it."""

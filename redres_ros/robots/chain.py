@@ -1,7 +1,7 @@
 """A URDF made ready for Pinocchio, MuJoCo and RViz alike: the joints that move, and inertias."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -25,17 +25,13 @@ def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
     after those before it, and branches by the names of their joints. Raises UnknownNameError for a
     tip that is no link, and FileError for links that are no tree.
     """
-    chains = [_chain_to(urdf, tip_frame) for tip_frame in tip_frames]
-    leading = {joint.name: joint for chain in chains for joint in chain}
-
-    def beyond(link: str) -> Iterator[UrdfJoint]:
-        for name in sorted(leading):
-            if leading[name].parent == link:
-                yield leading[name]
-                yield from beyond(leading[name].child)
-
-    roots = {joint.parent for joint in leading.values()} - {j.child for j in leading.values()}
-    return tuple(joint for root in roots for joint in beyond(root))
+    leading = {}  # by the names of all joints up to each
+    for tip_frame in tip_frames:
+        chain = _chain_to(urdf, tip_frame)
+        names = tuple(joint.name for joint in chain)
+        for number, joint in enumerate(chain, 1):
+            leading[names[:number]] = joint
+    return tuple(leading[names] for names in sorted(leading))
 
 
 def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import FileError, reason_of
+from redres_ros.errors import ArrayError, FileError, reason_of
 from redres_ros.types import Jacobian, JointPositions, Meters, Position
 
 BASE = -1  # in place of a joint's index
+_DEFAULT_RADIUS = 0.06  # [m] of a body
 _SHORTEST = 0.02  # [m] between joints that gets a body
 
 
@@ -129,8 +130,15 @@ class Bodies(NamedTuple):
     @classmethod
     def along(cls, kinematics: Kinematics, radius: tuple[float, ...]) -> 'Bodies':
         """The bodies of an arm; radius of the base and of each link, (n + 1,) [m], 0 for one
-        without a body.
+        without a body; empty: 0.06 of all. Raises ArrayError for radii of other links.
         """
+        number = kinematics.n + 1
+        radius = radius or (_DEFAULT_RADIUS,) * number
+        if len(radius) != number:
+            raise ArrayError(
+                f'body_radius has {len(radius)} values; expected {number}, '
+                'one for the base and one for each link'
+            )
         base = kinematics.joints[0].before[:3, 3]
         offsets = (base, *kinematics.offsets)
         links = ('base', *(joint.link for joint in kinematics.joints))

@@ -138,16 +138,6 @@ def child(element: ET.Element, tag: str) -> ET.Element:
     return ET.SubElement(element, tag) if found is None else found
 
 
-def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.ndarray:
-    """Pose (4, 4) of a joint's child link in the joint's frame, where its unit axis (3,) is."""
-    H = np.eye(4)
-    if is_prismatic:
-        H[:3, 3] = position * axis
-    else:
-        H[:3, :3] = pin.exp3(position * axis)
-    return H
-
-
 def read_urdf(path: Path) -> str:
     """The text of a URDF file; a .xacro file is converted. Raises FileError."""
     text = read_text(path)

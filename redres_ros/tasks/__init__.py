@@ -12,7 +12,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.geometry import from_quaternion, rotation_matrix, to_quaternion
-from redres_ros.kernels.tick import fill_rotation_error, rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Level, scaled
 from redres_ros.robot_model import RobotModel, RobotState
@@ -107,8 +107,20 @@ class Position(_FrameTask):
         return state.pose(self.frame)[0]
 
 
+class _TurningTask(_FrameTask):
+    """One whose target ends with a quaternion."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_direction(f'target of {type(self).__name__.lower()}', self.target[-4:])
+
+    @cached_property
+    def _desired(self) -> Rotation:
+        return from_quaternion(np.array(self.target[-4:]))
+
+
 @dataclass(frozen=True)
-class Orientation(_FrameTask):
+class Orientation(_TurningTask):
     """Orientation of a frame: 3 rows [rad/s]; the error is the rotation vector to the target."""
 
     size: ClassVar[int] = 3
@@ -118,28 +130,15 @@ class Orientation(_FrameTask):
         (), 'desired quaternion x, y, z, w [1]; none: that of the start'
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_direction('target of orientation', self.target)
-
     def value(self, state: RobotState) -> np.ndarray:
         return to_quaternion(state.rotation(self.frame))
 
     def error(self, state: RobotState) -> np.ndarray:
         return rotation_error(state.rotation(self.frame), self._desired)
 
-    def velocity(self, state: RobotState) -> TaskVelocity:
-        dx = np.empty(3)
-        fill_rotation_error(self.gain, state.rotation(self.frame), self._desired, dx)
-        return dx
-
-    @cached_property
-    def _desired(self) -> Rotation:
-        return from_quaternion(np.array(self.target))
-
 
 @dataclass(frozen=True)
-class Pose(_FrameTask):
+class Pose(_TurningTask):
     """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
 
     size: ClassVar[int] = 6
@@ -149,10 +148,6 @@ class Pose(_FrameTask):
     target: tuple[float, ...] = param(
         (), 'desired position [m] and quaternion x, y, z, w [1]; none: those of the start'
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_direction('target of pose', self.target[3:])
 
     def value(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
@@ -165,10 +160,6 @@ class Pose(_FrameTask):
     def row_scale(self, model: RobotModel) -> np.ndarray:
         """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
         return _pose_scale(model.reach)
-
-    @cached_property
-    def _desired(self) -> Rotation:
-        return from_quaternion(np.array(self.target[3:]))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE, MovingJoint
-from redres_ros.robots.urdf import motion_of
 from redres_ros.simulation.recording import Recording
 from redres_ros.types import JointPositions
 from redres_ros.view.server import CONTENT_POLICY, close_server, open_server
@@ -60,6 +59,7 @@ class ArmScene:
         self._scene = server.scene
         self._model = model
         self._kinematics = model.arm.kinematics()
+        self._data = self._kinematics.model.createData()
         self._links: list[viser.FrameHandle] = []
         self._walls: list[viser.SceneNodeHandle] = []
         self.meshes: list[tuple[str, viser.MeshHandle]] = []
@@ -78,16 +78,14 @@ class ArmScene:
 
     def show(self, q: JointPositions) -> None:
         """Move the arm."""
-        for joint, link, value in zip(
-            self._kinematics.joints, self._links, q.tolist(), strict=True
-        ):
-            motion = motion_of(joint.axis, value, is_prismatic=joint.is_prismatic)
-            moved = joint.before @ motion
+        pin.forwardKinematics(self._kinematics.model, self._data, q)
+        poses = [placement.homogeneous for placement in self._data.liMi[1:]]
+        for joint, link, pose in zip(self._kinematics.joints, self._links, poses, strict=True):
             # Every change is sent to every browser, so only what moves is set.
             if joint.is_prismatic:
-                link.position = moved[:3, 3]
+                link.position = pose[:3, 3]
             else:
-                link.wxyz = _wxyz(moved)
+                link.wxyz = _wxyz(pose)
 
     def traced(self, q: JointPositions) -> dict[str, np.ndarray]:
         """Positions of tip and elbow, each (3,) [m]; an arm may have no elbow."""
