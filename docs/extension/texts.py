@@ -14,8 +14,6 @@ TOPICS = {
     'wrench': 'force and moment that the environment exerts on the tip, along the axes of the tip',
     'external_torques': 'torques that the environment exerts on the joints (`effort`)',
     'markers': 'for RViz: the paths of tip and elbow, the points of the task, obstacles',
-    'workspace': 'boxes and spheres (CUBE, SPHERE; namespace inside or outside) for the limit '
-    '`workspace`',
     'robot_description': 'the URDF of the arm',
     'controller/mode': '`inactive`, `mirroring` the measured position, `holding`, `moving` or '
     '`stopping`',

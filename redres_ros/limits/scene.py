@@ -39,9 +39,6 @@ class Shape(NamedTuple):
     kind: str  # in OBSTACLES or WALLS
     numbers: tuple[Meters, ...]
 
-    def __str__(self) -> str:
-        return ' '.join((self.kind, *map(repr, self.numbers)))
-
 
 def read_shapes(text: str, kinds: dict[str, str]) -> list[Shape]:
     """The shapes of a text. Raises ArrayError for one that is not of these kinds, or of no size."""

@@ -38,7 +38,7 @@ from redres_ros.nodes.diagnostics import (
     Watchdog,
 )
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.markers import show_obstacles, take_workspace
+from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.parameters import (
     NONE,
     ListenerParameters,
@@ -136,7 +136,6 @@ class ControllerNode(ManagedNode):
         self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
         self._diagnostics = Diagnostics(self, robot, self._health)
         show_obstacles(self, frame)
-        take_workspace(self, frame, self._inputs)
         self._listen()
         on_live_change(self, self._check, self._apply)
         self._start_life()
