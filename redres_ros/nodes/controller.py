@@ -299,8 +299,10 @@ class ControllerNode(ManagedNode):
             'task velocities late': loop.input.of_task.late,
             'references changed by the safety filter': loop.safety_filter.count,
             'messages refused': self._inputs.count,
-            **self._sensors.values,
         }
+        if self._sensors.contact.is_on:
+            force = ', '.join(f'{value:.3g}' for value in self._sensors.contact.force)
+            values['force on the tip [N]'] = force
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', values)
         if error := self._error:

@@ -32,7 +32,6 @@ _TORQUES = Compliance.measurement
 
 _FORWARDING = 'forward_position_controller'
 _LOOK = 0.1  # [s] between checks of the subscribers
-_PATIENCE = 2.0  # [s] to wait for the parameters of a subscriber, which may have none
 _ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
@@ -62,14 +61,6 @@ class Sensors:
         self._inputs = inputs
         self._node.create_service(Trigger, 'controller/tare', self._on_tare)
 
-    @property
-    def values(self) -> dict[str, object]:
-        """Values for /diagnostics."""
-        if not self.contact.is_on:
-            return {}
-        force = ', '.join(f'{value:.3g}' for value in self.contact.force)
-        return {'force on the tip [N]': force}
-
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
         settings = with_changes(self.contact.settings, changes, _PREFIX)
@@ -88,13 +79,13 @@ class Sensors:
         if settings != self.contact.settings:
             self.contact.set_settings(settings)
         if settings.enabled:
-            self._subscribe('wrench', WrenchStamped, self._on_wrench)
+            self._subscribe('wrench', WrenchStamped, self._enter_wrench)
         for name in measurements:
             if name != _TORQUES:
-                self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
+                self._subscribe(name, Float64MultiArray, partial(self._enter_values, name))
             elif name not in self._subscribed:
                 self.from_effort = True
-                self._subscribe(name, JointState, self._on_torques)
+                self._subscribe(name, JointState, self._enter_torques)
 
     def enter_effort(self, message: JointState) -> None:
         """Take the efforts of a state, after a response."""
@@ -105,40 +96,40 @@ class Sensors:
             efforts = self._joints.in_order(message, 'effort')
             self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
-    def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
-        if topic not in self._subscribed:
-            self._subscribed.add(topic)
-            self._node.create_subscription(kind, topic, receive, NEWEST)
+    def _subscribe(self, topic: str, kind: type, enter: Callable[[Any], None]) -> None:
+        if topic in self._subscribed:
+            return
+        self._subscribed.add(topic)
 
-    def _on_wrench(self, message: WrenchStamped) -> None:
-        with self._inputs.judging('wrench'):
-            stamp = to_nanoseconds(message.header.stamp)
-            frame = message.header.frame_id
-            wrench = from_wrench(message.wrench)
-            self._loop.measurements.enter_wrench(stamp, wrench, frame, time.time_ns())
+        def receive(message: Any) -> None:
+            with self._inputs.judging(topic):
+                enter(message)
 
-    def _on_torques(self, message: JointState) -> None:
+        self._node.create_subscription(kind, topic, receive, NEWEST)
+
+    def _enter_wrench(self, message: WrenchStamped) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        frame = message.header.frame_id
+        wrench = from_wrench(message.wrench)
+        self._loop.measurements.enter_wrench(stamp, wrench, frame, time.time_ns())
+
+    def _enter_torques(self, message: JointState) -> None:
         self.from_effort = False
-        with self._inputs.judging(_TORQUES):
-            torques = self._joints.in_order(message, 'effort')
-            stamp = to_nanoseconds(message.header.stamp)
-            self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
+        torques = self._joints.in_order(message, 'effort')
+        stamp = to_nanoseconds(message.header.stamp)
+        self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 
-    def _on_values(self, name: str, message: Float64MultiArray) -> None:
+    def _enter_values(self, name: str, message: Float64MultiArray) -> None:
         """Record a measurement of any length that a preference or limit uses."""
-        with self._inputs.judging(name):
-            self._loop.measurements.enter(name, 0, np.array(message.data))
+        self._loop.measurements.enter(name, 0, np.array(message.data))
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._subscribe('wrench', WrenchStamped, self._on_wrench)
+        self._subscribe('wrench', WrenchStamped, self._enter_wrench)
         try:
             self._loop.tare()
         except RedresError as error:
-            response.message = str(error)
-            return response
-        response.success = True
-        response.message = 'the measured wrench counts as zero'
-        return response
+            return Trigger.Response(success=False, message=str(error))
+        return Trigger.Response(success=True, message='the measured wrench counts as zero')
 
 
 class Forwarding:
@@ -151,13 +142,14 @@ class Forwarding:
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         """For the joints of those names, from base to tip."""
         self.error = ''
-        self._node = node
         self._names = list(names)
         self._publisher = node.create_publisher(
             Float64MultiArray, f'{_FORWARDING}/commands', PUBLISH
         )
         self._client = node.create_client(GetParameters, f'{_FORWARDING}/get_parameters')
-        self._forget()
+        self._is_confirmed = False
+        self._response: Future | None = None
+        self._asked_at = 0.0  # [s]
         node.create_timer(_LOOK, self._look, clock=STEADY)
 
     @property
@@ -170,28 +162,18 @@ class Forwarding:
         if self._is_confirmed:
             self._publisher.publish(Float64MultiArray(data=q_ref.tolist()))
 
-    def _forget(self) -> None:
-        """There is no subscriber: the next one may have another order."""
-        self.error = ''
-        self._is_confirmed = False
-        self._response: Future | None = None
-        self._asked_at = 0.0  # [s]
-        self._waits_since = 0.0  # [s]; 0: no subscriber waits
-
     def _look(self) -> None:
         if self._publisher.get_subscription_count() == 0:
-            self._forget()
+            # The next subscriber may have another order.
+            self.error = ''
+            self._is_confirmed = False
+            self._response = None
+        elif self._is_confirmed:
             return
-        if self._is_confirmed:
-            return
-        now = time.monotonic()
-        self._waits_since = self._waits_since or now
-        if self._response is not None and self._response.done():
+        elif self._response is not None and self._response.done():
             self._judge(self._response)
-        elif not self._client.service_is_ready():
-            self._go_without(now)
-        elif now - self._asked_at > _ASK_AGAIN:
-            self._asked_at = now
+        elif self._client.service_is_ready() and time.monotonic() - self._asked_at > _ASK_AGAIN:
+            self._asked_at = time.monotonic()
             self._response = self._client.call_async(GetParameters.Request(names=['joints']))
 
     def _judge(self, response: Future) -> None:
@@ -204,17 +186,4 @@ class Forwarding:
             self.error = (
                 f'{_FORWARDING} has the joints {", ".join(joints)}; expected '
                 f'{", ".join(self._names)}: nothing is forwarded until its parameter joints matches'
-            )
-
-    def _go_without(self, now: float) -> None:
-        """Forward to a subscriber without parameters. Those of ros2_control's own controller may
-        be discovered later than its subscription.
-        """
-        ends = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
-        is_of_ros2_control = any(end.node_name == _FORWARDING for end in ends)
-        if not is_of_ros2_control and now - self._waits_since > _PATIENCE:
-            self._is_confirmed = True
-            self._node.get_logger().warning(
-                f'the subscriber of {_FORWARDING}/commands has no parameter joints; it must expect '
-                f'them in the order {", ".join(self._names)}'
             )
