@@ -154,7 +154,7 @@ REFUSED = [
     ('demo --period nan', 'period is nan; allowed: 0.0005'),
     ('demo --task foo', "unknown task 'foo'; allowed: "),
     ('demo --out /dev/null/here', 'cannot make the directory /dev/null/here'),
-    ('demo --domain 500', 'ROS domain is 500; allowed: 0 to 232'),
+    ('demo --domain 500', 'ROS domain is 500 (--domain or ROS_DOMAIN_ID); allowed: 0 to 232'),
 ]
 
 

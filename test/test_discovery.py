@@ -11,9 +11,9 @@ from graph_helpers import Probe, await_that, udp_sockets
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.errors import RangeError, RedresError
+from redres_ros.errors import RedresError
 from redres_ros.nodes import runtime
-from redres_ros.nodes.runtime import joined_domain, own_domain, spun
+from redres_ros.nodes.runtime import own_domain, spun
 
 LOOPBACK = '0100007F'  # 127.0.0.1 as the kernel writes it
 MULTICAST = '0100FFEF'  # 239.255.0.1, where participants look for each other
@@ -21,12 +21,9 @@ MULTICAST = '0100FFEF'  # 239.255.0.1, where participants look for each other
 
 def test_a_domain_is_set_for_a_block_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('ROS_DOMAIN_ID', '3')
-    with joined_domain(7):
+    with own_domain(7):
         assert os.environ['ROS_DOMAIN_ID'] == '7'
-    with joined_domain(None):
-        assert os.environ['ROS_DOMAIN_ID'] == '3'
-    with pytest.raises(RangeError, match='233; allowed: 0 to 232'), joined_domain(233):
-        pass
+    assert os.environ['ROS_DOMAIN_ID'] == '3'
 
 
 @pytest.mark.parametrize('name', ['', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS'])

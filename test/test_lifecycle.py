@@ -111,7 +111,7 @@ class TestWithin:
         response = planner._respond('planner/start', planner._start_task)
         assert (response.success, 'inactive' in response.message) == (False, True)
         planner._on_target(PoseStamped())
-        assert 'inactive' in planner._inputs.reasons
+        assert 'inactive' in planner._diagnostics.reasons
         assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
         response = planner._respond('planner/start', planner._start_task)
         assert response.success  # it begins with the robot's first state

@@ -17,6 +17,7 @@ from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from reference_judge import ReferenceJudge, judge_graph
 from stand_in import Habits, StandIn, behind_ros2_control
@@ -25,7 +26,6 @@ from wire_faults import lossy, off
 
 from redres_ros.files.installation import share_path
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.diagnostics import ERROR
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -193,7 +193,7 @@ def test_what_would_move_a_held_arm_is_an_error_and_moves_it_by_no_bit(change: A
         assert len(references) > 0.9 * 2.5 * RATE
         assert np.abs(references - before).max() == 0.0
         health = arm.run.health('controller')
-        assert health.level == ERROR, health.message
+        assert health.level == DiagnosticStatus.ERROR, health.message
 
 
 def test_an_inactive_controller_publishes_nothing_although_a_joint_is_outside_its_range() -> None:
@@ -222,7 +222,7 @@ def test_a_robot_of_another_rate_keeps_its_limits_and_is_an_error_that_names_bot
     with commanded(NEAR_THE_END, rate=100.0, controller_rate=500.0) as arm:
         turn_to_the_end(arm, 2.5)
         health = arm.run.health('controller')
-        assert health.level == ERROR, health.message
+        assert health.level == DiagnosticStatus.ERROR, health.message
         assert '100' in health.message and '500' in health.message
         assert arm.speed == 0.0
         assert arm.stop_reason == ''

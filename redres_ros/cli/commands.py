@@ -153,24 +153,22 @@ def _shown(default: Any) -> str:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from redres_ros.nodes.runtime import joined_domain
     from redres_ros.view.page import main
 
     words = ['--ros-args', '-p', f'port:={options.port}']
     if options.namespace:
         words += ['-r', f'__ns:=/{options.namespace.lstrip("/")}']
-    with joined_domain(options.domain):
-        return main(['redres view', *words])
+    return main(['redres view', *words], options.domain)
 
 
 def _watch(options: argparse.Namespace) -> int:
     from redres_ros.graph.client import GraphClient
     from redres_ros.graph.watch import Watch, watch
-    from redres_ros.nodes.runtime import joined_domain, spun
+    from redres_ros.nodes.runtime import spun
 
     texts = options.set or []
     settings = read_settings(texts)
-    with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
+    with spun(lambda: Watch(options.namespace), options.domain) as node:
         if settings:
             client = GraphClient(node, _PATIENCE)
             present = client.parameters('controller')
@@ -187,7 +185,7 @@ def _watch(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
-    from redres_ros.nodes.runtime import joined_domain, spun
+    from redres_ros.nodes.runtime import spun
     from redres_ros.preflight.snapshot import SnapshotNode
     from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
 
@@ -196,7 +194,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.robot is not None:
         expected = ExpectedArm(options.robot, options.tip, options.rate)
     make = partial(SnapshotNode, options.namespace, options.states)
-    with joined_domain(options.domain), spun(make) as node:
+    with spun(make, options.domain) as node:
         seen = node.look(options.duration)
     verdicts = judge(seen, expected)
     for verdict in verdicts:

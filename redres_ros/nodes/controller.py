@@ -19,6 +19,7 @@ from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
 from redres_ros.loop.velocity_input import LoopSettings
+from redres_ros.nodes import topics
 from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
@@ -28,15 +29,7 @@ from redres_ros.nodes.conversions import (
     to_joint_state,
     to_nanoseconds,
 )
-from redres_ros.nodes.diagnostics import (
-    ERROR,
-    OK,
-    WARN,
-    Diagnostics,
-    Health,
-    InputMonitor,
-    Watchdog,
-)
+from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.parameters import (
@@ -48,16 +41,7 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import PolicyParameters, declare_robot
-from redres_ros.nodes.topics import (
-    LATCHED,
-    MODE,
-    NEWEST,
-    PUBLISH,
-    RECENT,
-    SHARED,
-    STEADY,
-    LatchedWords,
-)
+from redres_ros.nodes.topics import LatchedWords
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import check_finite
@@ -125,16 +109,15 @@ class ControllerNode(ManagedNode):
         frame = settings.base_frame or model.base_frame
         self._base_frames = ('', frame, model.base_frame)
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
-        self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
+        self._command_publisher = self.create_publisher(JointState, 'joint_command', topics.PUBLISH)
         self._forwarding: Forwarding | None = None
         if self._controller.robot_interface.forwards_commands:
             self._forwarding = Forwarding(self, model.joint_names)
-        self._words = LatchedWords(self, MODE)
+        self._words = LatchedWords(self, topics.MODE)
         self._reported_error = ''
         self._telemetry = MotionTelemetry(self, frame, T)
-        self._inputs = InputMonitor(self)
-        self._watchdog = Watchdog(self, settings.rate, loop_settings.lockstep)
-        self._diagnostics = Diagnostics(self, robot, self._health)
+        rate = None if loop_settings.lockstep else settings.rate
+        self._diagnostics = Diagnostics(self, robot, self._health, rate)
         show_obstacles(self, frame)
         self._listen()
         on_live_change(self, self._check, self._apply)
@@ -142,31 +125,33 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _listen(self) -> None:
-        self._states = self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self._states = self.create_subscription(
+            JointState, 'joint_states', self._on_state, topics.NEWEST
+        )
         self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
-        self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
+        self.create_subscription(String, 'sim/session_state', self._on_session, topics.LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
-        self._sensors.listen(self._loop, self._inputs)
+        self._sensors.listen(self._loop, self._diagnostics)
         self._sensors.apply({}, self._policy.policy.measurements)
         if self._controller.robot_interface.patience:
-            self.create_timer(_LOOK, self._respond_if_due, clock=STEADY)
+            self.create_timer(_LOOK, self._respond_if_due, clock=topics.STEADY)
 
     def _take(self, topic: str, kind: type, enter: _Enter) -> None:
         """Subscribe to task velocities or joint velocities."""
-        self.create_subscription(kind, topic, partial(self._respond, topic, enter), RECENT)
+        self.create_subscription(kind, topic, partial(self._respond, topic, enter), topics.RECENT)
 
     def _on_state(self, message: JointState) -> None:
         if self._joints.concerns(message):
             if self._sensors.from_effort:
                 self._sensors.enter_effort(message)
             self._respond('joint_states', self._enter_state, message)
-            self._watchdog.feed()
-        elif self._states.qos_profile == NEWEST:
+            self._diagnostics.feed()
+        elif self._states.qos_profile == topics.NEWEST:
             # DDS keeps the newest one of all publishers: another's would displace the arm's.
             newest = self._states
             self._states = self.create_subscription(
-                JointState, 'joint_states', self._on_state, SHARED
+                JointState, 'joint_states', self._on_state, topics.SHARED
             )
             self.destroy_subscription(newest)
 
@@ -200,10 +185,10 @@ class ControllerNode(ManagedNode):
         try:
             response = enter(given)
         except RedresError as error:
-            self._inputs.refuse(source, error)
+            self._diagnostics.refuse(source, error)
             return
         # it goes out before its first command
-        if self._loop.mode.value != self._words.get(MODE):
+        if self._loop.mode.value != self._words.get(topics.MODE):
             self._report()
         if response is not None:
             # The planner is to know of another scaling before the state after this one.
@@ -215,7 +200,7 @@ class ControllerNode(ManagedNode):
                 self._forwarding.publish(command.q_ref)
             self._loop.note_sent(time.monotonic())
             self._telemetry.publish(response, self._controller.policy)
-        self._inputs.accept(source)
+        self._diagnostics.accept(source)
         if self._loop.warning:
             self._report()
 
@@ -228,7 +213,7 @@ class ControllerNode(ManagedNode):
         if error and error != self._reported_error:
             self.get_logger().error(error)
         self._reported_error = error
-        self._words.publish({MODE: loop.mode.value})
+        self._words.publish({topics.MODE: loop.mode.value})
 
     @property
     def _error(self) -> str:
@@ -263,7 +248,7 @@ class ControllerNode(ManagedNode):
         self._report()
 
     def _may_be_cleaned_up(self) -> bool:
-        return self._loop.mode not in MOVING_MODES or self._watchdog.silent
+        return self._loop.mode not in MOVING_MODES or self._diagnostics.silent
 
     def _forget(self) -> None:
         self._loop.forget()
@@ -298,22 +283,14 @@ class ControllerNode(ManagedNode):
             'task velocities missing': loop.input.of_task.missing,
             'task velocities late': loop.input.of_task.late,
             'references changed by the safety filter': loop.safety_filter.count,
-            'messages refused': self._inputs.count,
         }
         if self._sensors.contact.is_on:
             force = ', '.join(f'{value:.3g}' for value in self._sensors.contact.force)
             values['force on the tip [N]'] = force
-        if self._watchdog.silent:
-            return Health(ERROR, 'no joint_states', values)
-        if error := self._error:
+        error = self._error
+        if error:
             self._report()
-            return Health(ERROR, error, values)
-        if self._inputs.reasons:
-            return Health(WARN, self._inputs.reasons, values)
-        if not self.active:
-            return Health(WARN, self.life, values)
+        warning = loop.measurements.problem or self._policy.problem
         if loop.mode is Mode.MIRRORING:
-            return Health(WARN, 'mirroring: the robot takes no commands', values)
-        if warning := loop.measurements.problem or self._policy.problem:
-            return Health(WARN, warning, values)
-        return Health(OK, loop.mode.value, values)
+            warning = 'mirroring: the robot takes no commands'
+        return Health(values, loop.mode.value, warning, error)

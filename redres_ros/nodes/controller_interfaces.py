@@ -20,7 +20,7 @@ from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.nodes.conversions import JointMapper, from_wrench, to_nanoseconds
-from redres_ros.nodes.diagnostics import InputMonitor
+from redres_ros.nodes.diagnostics import Diagnostics
 from redres_ros.nodes.parameters import declare, with_changes
 from redres_ros.nodes.topics import NEWEST, PUBLISH, STEADY
 from redres_ros.preferences import Compliance
@@ -55,7 +55,7 @@ class Sensors:
         # Whether external torques are efforts less the model's: until others publish them.
         self.from_effort = False
 
-    def listen(self, loop: CommandLoop, inputs: InputMonitor) -> None:
+    def listen(self, loop: CommandLoop, inputs: Diagnostics) -> None:
         """Offer the service, and enter into the loop what is measured."""
         self._loop = loop
         self._inputs = inputs

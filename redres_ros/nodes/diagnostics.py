@@ -8,57 +8,25 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 
 from redres_ros.errors import RedresError, one_line
+from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.topics import PUBLISH, STEADY
 from redres_ros.types import Seconds
 
-OK = DiagnosticStatus.OK
-WARN = DiagnosticStatus.WARN
-ERROR = DiagnosticStatus.ERROR
-
 _QUIET = 1.0  # [s] an event is over when it has not recurred for that long
-_LOOK = 0.25  # [s] between looks at that
+_LOOK = 0.05  # [s] between looks at that
 _SILENCE = 0.1  # [s] without states that is reported, and at least as many cycles as
 _SILENT_CYCLES = 10
 
 
 class Health(NamedTuple):
-    """Level, one line in words, and values by name."""
+    """Values by name, and in words: an error, a warning, or else the state."""
 
-    level: bytes
-    summary: str
     values: Mapping[str, object]
-
-
-class Diagnostics:
-    """Publishes what `health()` returns on /diagnostics, once a second."""
-
-    def __init__(self, node: Node, hardware: str, health: Callable[[], Health]) -> None:
-        self._node = node
-        self._hardware = hardware
-        self._health = health
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', PUBLISH)
-        node.create_timer(1.0, self.publish, clock=STEADY)
-
-    def publish(self) -> None:
-        """Publish now."""
-        level, summary, values = self._health()
-        status = DiagnosticStatus(
-            level=level,
-            name=self._node.get_fully_qualified_name(),
-            message=summary,
-            values=[KeyValue(key=key, value=_to_text(value)) for key, value in values.items()],
-            hardware_id=self._hardware,
-        )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
-
-
-def _to_text(value: object) -> str:
-    return f'{value:g}' if isinstance(value, float) else str(value)
+    state: str
+    warning: str = ''
+    error: str = ''
 
 
 @dataclass
@@ -72,18 +40,57 @@ class _Episode:
     reported: set[type[Exception]] = field(default_factory=set)
 
 
-class InputMonitor:
-    """Logs when inputs of a source are refused, for a new kind of error too, and when no longer."""
+class Diagnostics:
+    """Logs when inputs are refused, for a new kind of error too, when joint_states is silent, and
+    when no longer; publishes that, and what `health()` returns, on /diagnostics once a second.
 
-    def __init__(self, node: Node) -> None:
+    Without a rate, as in lock-step, where states wait for commands, no silence is too long.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        hardware: str,
+        health: Callable[[], Health],
+        rate: float | None = None,
+    ) -> None:
+        self._node = node
         self._logger = node.get_logger()
+        self._hardware = hardware
+        self._health = health
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', PUBLISH)
         self._bad: dict[str, _Episode] = {}
-        self.count = 0
+        self._refused = 0
+        self._longest = max(_SILENCE, _SILENT_CYCLES / rate) if rate else math.inf  # [s]
+        self._fed_at = time.monotonic()
+        self._back_since = self._fed_at  # when the first state after the last silence came
+        self._silence_reported = False
         node.create_timer(_LOOK, self._look, clock=STEADY)
+        node.create_timer(1.0, self.publish, clock=STEADY)
+
+    def publish(self) -> None:
+        """Publish now."""
+        values, state, warning, error = self._health()
+        silence = 'no joint_states' if self.silent else ''
+        inactive = '' if self._node.active else self._node.life
+        error = silence or error
+        warning = self.reasons or inactive or warning
+        level = DiagnosticStatus.WARN if warning else DiagnosticStatus.OK
+        values = {**values, 'messages refused': self._refused}
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.ERROR if error else level,
+            name=self._node.get_fully_qualified_name(),
+            message=error or warning or state,
+            values=[KeyValue(key=key, value=_to_text(value)) for key, value in values.items()],
+            hardware_id=self._hardware,
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
     def refuse(self, source: str, error: Exception) -> None:
         """Count an input of a topic or service that cannot be used."""
-        self.count += 1
+        self._refused += 1
         episode = self._bad.setdefault(source, _Episode())
         episode.reason = one_line(str(error))
         episode.count += 1
@@ -113,43 +120,30 @@ class InputMonitor:
         """What is bad at present, or was a moment ago, and why; empty when all is well."""
         return ', '.join(f'{source} refused: {bad.reason}' for source, bad in self._bad.items())
 
+    @property
+    def silent(self) -> bool:
+        """Whether the last state came too long ago."""
+        return time.monotonic() - self._fed_at > self._longest
+
+    def feed(self) -> None:
+        """A state has come."""
+        if self.silent:
+            self._back_since = time.monotonic()
+        self._fed_at = time.monotonic()
+
     def _look(self) -> None:
         now = time.monotonic()
         for source, episode in list(self._bad.items()):
             if episode.over and now - episode.last > _QUIET:
                 del self._bad[source]
                 self._logger.info(f'{source} accepted again after {episode.count} refused')
-
-
-class Watchdog:
-    """Notices the silence of joint_states by the monotonic clock; logs its beginning and its end.
-
-    In lock-step, states wait for commands: no silence is too long.
-    """
-
-    def __init__(self, node: Node, rate: float, lockstep: bool) -> None:
-        self._logger = node.get_logger()
-        self._timeout = math.inf if lockstep else max(_SILENCE, _SILENT_CYCLES / rate)
-        self._last = time.monotonic()
-        self._back_since = self._last  # when the first state after the last silence came
-        self._reported = False
-        node.create_timer(_SILENCE / 2.0, self._look, clock=STEADY)
-
-    @property
-    def silent(self) -> bool:
-        """Whether the last state came too long ago."""
-        return time.monotonic() - self._last > self._timeout
-
-    def feed(self) -> None:
-        """A state has come."""
-        if self.silent:
-            self._back_since = time.monotonic()
-        self._last = time.monotonic()
-
-    def _look(self) -> None:
-        if self.silent and not self._reported:
-            self._reported = True
-            self._logger.warning(f'no joint_states for {self._timeout:g} s')
-        elif self._reported and not self.silent and time.monotonic() - self._back_since > _QUIET:
-            self._reported = False
+        if self.silent and not self._silence_reported:
+            self._silence_reported = True
+            self._logger.warning(f'no joint_states for {self._longest:g} s')
+        elif self._silence_reported and not self.silent and now - self._back_since > _QUIET:
+            self._silence_reported = False
             self._logger.info('joint_states is back')
+
+
+def _to_text(value: object) -> str:
+    return f'{value:g}' if isinstance(value, float) else str(value)

@@ -72,20 +72,19 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
 
     Whole numbers are taken for numbers with a decimal point, a text with commas for an array of
     texts, and an empty array of texts for the word none, here and whenever the parameter is set.
-    Raises RedresError for a value of another type, none, or one that is not allowed.
+    Raises RedresError for a value that is not allowed, ParameterException for one of another type.
     """
     initial = list(default) if isinstance(default, tuple) else default
     expected = RosParameter.Type.from_parameter_value(initial)
-    given = node._parameter_overrides.get(name, RosParameter(name, expected, initial))
-    wanted = _as_type(given, expected)
-    if wanted.type_ is not expected:
-        got = 'nothing' if given.value is None else repr(given.value)
-        raise ParameterError(f'{name} is {got}; allowed: {_allowed(default, parameter)}')
-    value = tuple(wanted.value) if isinstance(default, tuple) else wanted.value
-    check_value(name, value, parameter)
-    descriptor = _descriptor(default, parameter)
-    node.declare_parameter(name, wanted.value, descriptor, ignore_override=True)
-    return value
+    given = node._parameter_overrides.get(name)
+    if given is not None:
+        given = _as_type(given, expected)
+        node._parameter_overrides[name] = given
+        if given.value is None:
+            raise ParameterError(f'{name} is nothing; expected {expected.name}')
+        if given.type_ is expected:
+            check_value(name, _value(given), parameter)
+    return _value(node.declare_parameter(name, initial, _descriptor(default, parameter)))
 
 
 def on_live_change(
@@ -153,7 +152,11 @@ def warn_of_misspelt(nodes: Sequence[Node]) -> None:
 
 
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:
-    return {p.name: tuple(p.value) if _is_array(p) else p.value for p in changed}
+    return {parameter.name: _value(parameter) for parameter in changed}
+
+
+def _value(parameter: RosParameter) -> Any:
+    return tuple(parameter.value) if _is_array(parameter) else parameter.value
 
 
 def _is_array(parameter: RosParameter) -> bool:
@@ -191,18 +194,3 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
     elif isinstance(default, int):
         descriptor.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=1)]
     return descriptor
-
-
-def _allowed(default: Any, parameter: Parameter) -> str:
-    if parameter.choices:
-        return ', '.join(parameter.choices)
-    kinds = {
-        bool: 'true or false',
-        int: 'a whole number',
-        float: 'a number with a decimal point',
-        str: 'a text',
-        tuple: 'an array of numbers with decimal points',
-    }
-    limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
-    example = list(default) if isinstance(default, tuple) else default
-    return f'{kinds[type(default)]}{limits}, for example {example!r}'

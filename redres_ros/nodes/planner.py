@@ -23,15 +23,7 @@ from redres_ros.nodes.conversions import (
     to_time,
     to_twist,
 )
-from redres_ros.nodes.diagnostics import (
-    ERROR,
-    OK,
-    WARN,
-    Diagnostics,
-    Health,
-    InputMonitor,
-    Watchdog,
-)
+from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import show_traces
 from redres_ros.nodes.parameters import ListenerParameters, declare
@@ -102,9 +94,8 @@ class PlannerNode(ManagedNode):
         }
         self._telemetry = Telemetry(self, types)
         show_traces(self, self._frame, self._task.waypoints, self._trace)
-        self._inputs = InputMonitor(self)
-        self._watchdog = Watchdog(self, self._settings.rate, self._settings.lockstep)
-        self._diagnostics = Diagnostics(self, robot, self._health)
+        rate = None if self._settings.lockstep else self._settings.rate
+        self._diagnostics = Diagnostics(self, robot, self._health, rate)
         subscribe = self.create_subscription
         subscribe(JointState, 'joint_states', self._on_state, topics.RECENT)
         subscribe(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
@@ -122,8 +113,8 @@ class PlannerNode(ManagedNode):
     def _on_state(self, message: JointState) -> None:
         if not (self.configured and self._joints.concerns(message)):
             return
-        self._watchdog.feed()
-        with self._inputs.judging('joint_states'):
+        self._diagnostics.feed()
+        with self._diagnostics.judging('joint_states'):
             stamp = to_nanoseconds(message.header.stamp)
             q = self._joints.in_order(message, 'position')
             x, R = self._model.tip(q)
@@ -191,7 +182,7 @@ class PlannerNode(ManagedNode):
     # --- goals ------------------------------------------------------------------------------------
 
     def _on_target(self, message: PoseStamped) -> None:
-        with self._inputs.judging('target_pose'):
+        with self._diagnostics.judging('target_pose'):
             x, R = from_pose(message, (self._frame, ''))
             self._check_ready()
             q = self._measured()
@@ -214,9 +205,9 @@ class PlannerNode(ManagedNode):
             self._check_ready()
             message = begin()
         except RedresError as error:
-            self._inputs.refuse(service, error)
+            self._diagnostics.refuse(service, error)
             return Trigger.Response(success=False, message=f'{task}: {error}')
-        self._inputs.accept(service)
+        self._diagnostics.accept(service)
         return Trigger.Response(success=True, message=f'{task}: {message}')
 
     def _start_task(self) -> str:
@@ -286,14 +277,9 @@ class PlannerNode(ManagedNode):
             'state': self._run.state.value,
             'progress': self._run.progress,
             'begun at [ns]': self._run.start_stamp,
-            'messages refused': self._inputs.count,
         }
-        if self._watchdog.silent:
-            return Health(ERROR, 'no joint_states', values)
         stopped = self._run.stop_reason and f'the robot has stopped: {self._run.stop_reason}'
-        life = '' if self.active else self.life
-        warning = life or stopped or self._inputs.reasons or self._run.remark
-        return Health(WARN if warning else OK, warning or self._run.state.value, values)
+        return Health(values, self._run.state.value, stopped or self._run.remark)
 
 
 class WaitingPlannerNode(PlannerNode):

@@ -23,7 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from redres_ros.errors import RangeError, RedresError, reason_of
+from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.processes import end_with_parent, handle, open_error_output
 from redres_ros.nodes.parameters import warn_of_misspelt
 from redres_ros.types import Seconds
@@ -60,9 +60,8 @@ class Spinner:
     """An EventsExecutor for some nodes, spun until an event is set.
 
     EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy
-    7.1.6 (their endless wait overflows there and becomes a busy loop); spin_until_future_complete
-    with a timeout and one Future that never completes does the same work. It loses 32 bytes at each
-    call, so what is called in every cycle is spin_once with a timeout.
+    7.1.6 (their endless wait overflows there and becomes a busy loop). spin_until_future_complete
+    loses 32 bytes at each call, so what is called in every cycle is spin_once.
     """
 
     def __init__(self, nodes: Sequence[Node], stopped: threading.Event) -> None:
@@ -114,21 +113,6 @@ class Spinner:
 
 
 @contextmanager
-def joined_domain(domain: int | None) -> Iterator[None]:
-    """Set a ROS domain; None: as the user has it. Raises RangeError."""
-    if domain is not None and not 0 <= domain <= _HIGHEST_DOMAIN:
-        raise RangeError('ROS domain', domain, 0, _HIGHEST_DOMAIN)
-    before = dict(os.environ)
-    if domain is not None:
-        os.environ['ROS_DOMAIN_ID'] = str(domain)
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
-
-
-@contextmanager
 def own_domain(domain: int | None = None) -> Iterator[int]:
     """Set a ROS domain on this host alone; None: one that no other graph here uses.
 
@@ -136,11 +120,17 @@ def own_domain(domain: int | None = None) -> Iterator[int]:
     """
     if domain is None:
         domain = _find_free_domain()
-    with joined_domain(domain):
-        for name in _DISCOVERY:
-            os.environ.pop(name, None)
-        _stay_on_this_host()
+    _check_domain(str(domain))
+    before = dict(os.environ)
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    for name in _DISCOVERY:
+        os.environ.pop(name, None)
+    _stay_on_this_host()
+    try:
         yield domain
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _stay_on_this_host() -> None:
@@ -167,17 +157,25 @@ def _find_free_domain() -> int:
     raise _StartError(f'every ROS domain from 1 to {_FREE_DOMAINS[-1]} is in use on this machine')
 
 
-def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling. Raises RedresError."""
+def _check_domain(domain: str) -> None:
+    if not (domain.isdecimal() and int(domain) <= _HIGHEST_DOMAIN):
+        raise _StartError(
+            f'ROS domain is {domain} (--domain or ROS_DOMAIN_ID); allowed: 0 to {_HIGHEST_DOMAIN}'
+        )
+
+
+def start(arguments: list[str] | None = None, domain: int | None = None) -> None:
+    """rclpy.init with our own signal handling; without a domain in that of the environment.
+
+    Raises RedresError.
+    """
     # Opening Fast DDS's shared memory for a process that has just come can hold up all who publish
     # for a third of a second (issue 6535 of Fast DDS).
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
     _stay_on_this_host()
-    domain = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain and not (domain.isdecimal() and int(domain) <= _HIGHEST_DOMAIN):
-        raise _StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {_HIGHEST_DOMAIN}')
+    _check_domain(os.environ.get('ROS_DOMAIN_ID') or '0' if domain is None else str(domain))
     try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
         reason = reason_of(error)
         if 'logging' in reason:
@@ -196,9 +194,9 @@ def _made(make: Callable[[], N]) -> N:
 
 
 @contextmanager
-def spun(make: Callable[[], N]) -> Iterator[N]:
+def spun(make: Callable[[], N], domain: int | None = None) -> Iterator[N]:
     """Start ROS and yield a node that is spun in a thread. Raises RedresError."""
-    start()
+    start(domain=domain)
     try:
         node = _made(make)
         spinner = Spinner([node], threading.Event())
@@ -211,13 +209,15 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
         rclpy.try_shutdown()
 
 
-def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) -> int:
+def run_nodes(
+    *makes: Callable[[], Node], arguments: list[str] | None = None, domain: int | None = None
+) -> int:
     """Make nodes, spin them, and end them cleanly on SIGINT or SIGTERM; returns the exit status: 0,
     1 after an error, or 130 after a signal before the nodes began.
 
     One of them may have `run(stopped, spinner)`, a loop of its own that ends when the event is set;
-    callbacks run whenever it waits by the spinner. A node may have `close()`, called while it can
-    still publish. The command line is that of the process, if none is given.
+    callbacks run whenever it waits by the spinner. The command line is that of the process, if none
+    is given.
     """
     open_error_output()
     stopped = threading.Event()
@@ -226,7 +226,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
     _watch_parent(stopped)
     try:
-        start(arguments)
+        start(arguments, domain)
         nodes = [_made(make) for make in makes]
         warn_of_misspelt(nodes)
         _spin(nodes, stopped)
@@ -264,7 +264,4 @@ def _spin(nodes: list[Node], stopped: threading.Event) -> None:
             spinner.spin()
     finally:
         handle(signal.SIG_IGN, signal.SIGINT)  # under ros2 launch Ctrl-C arrives twice
-        for node in nodes:
-            if hasattr(node, 'close'):
-                node.close()
         spinner.close()

@@ -21,7 +21,7 @@ from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.scene import touched
 from redres_ros.nodes.conversions import EncodingError, to_joint_state, to_nanoseconds, to_time
-from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
+from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.parameters import (
@@ -121,13 +121,12 @@ class SimNode(ManagedNode):
         self._set_faults({})
         self._newest = JointState()  # of the published states
         self._arrival = threading.Event()  # of a command
-        self._refusals = InputMonitor(self)
+        self._diagnostics = Diagnostics(self, robot, self._health)
         self._reported_refusal: CommandError | None = None
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_requested = False
         self._create_interfaces(arm.description(), arm.kinematics().base_frame)
-        self._diagnostics = Diagnostics(self, robot, self._health)
         self._start_life()
 
     def _create_interfaces(self, description: str, base_frame: str) -> None:
@@ -174,18 +173,19 @@ class SimNode(ManagedNode):
             else:
                 self._keep_time(stopped, spinner)
 
-    def close(self) -> None:
-        """Publish the final figures."""
+    def destroy_node(self) -> None:
+        """Publish the final figures, and end."""
         self._diagnostics.publish()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _publish_session(self) -> None:
         """Publish what has changed since the last call; a stop and a refused command are logged."""
         session = self._session
         refused = session.command_error
         if refused is None:
-            self._refusals.accept('joint_command')
+            self._diagnostics.accept('joint_command')
         elif refused is not self._reported_refusal:
-            self._refusals.refuse('joint_command', refused)
+            self._diagnostics.refuse('joint_command', refused)
         self._reported_refusal = refused
         if session.reason and session.reason != self._words.get(REASON):
             self.get_logger().error(session.reason)
@@ -254,7 +254,7 @@ class SimNode(ManagedNode):
         try:
             stamp = _stamp(message)
         except EncodingError as error:
-            self._refusals.refuse('joint_command', error)
+            self._diagnostics.refuse('joint_command', error)
             return
         self._receiver.put(stamp, message.name, np.array(message.position))
         self._client_lives = True
@@ -294,14 +294,9 @@ class SimNode(ManagedNode):
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
         }
-        if not self.active:
-            return Health(WARN, self.life, figures)
-        if session.reason:
-            return Health(ERROR, session.reason, figures)
-        if timing.at_fault or self._refusals.reasons:
-            connection = f'connection {session.quality}: {timing.at_fault}'
-            return Health(WARN, self._refusals.reasons or connection, figures)
-        return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
+        warning = f'connection {session.quality}: {timing.at_fault}' if timing.at_fault else ''
+        state = 'in command' if session.commanding else 'monitoring'
+        return Health(figures, state, warning, session.reason)
 
 
 def _stamp(message: JointState) -> Nanoseconds:

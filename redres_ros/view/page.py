@@ -202,10 +202,10 @@ class _ViewNode(GraphMonitor):
             close_server(server)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: list[str] | None = None, domain: int | None = None) -> int:
     """Console entry point."""
     os.nice(_NICENESS)
-    return run_nodes(_ViewNode, arguments=arguments)
+    return run_nodes(_ViewNode, arguments=arguments, domain=domain)
 
 
 if __name__ == '__main__':
