@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch, run
-from redres_ros.cli import main
 from redres_ros.simulation import batch as module
 from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
 
@@ -179,15 +178,6 @@ def test_a_long_task_is_a_minute_there_and_back():
     task = make_random_task('long', RobotModel.named('lwr4'), 'lwr4', 0)
     assert task.segments * task.segment_time == 60.0
     assert (task.waypoints == task.waypoints[::-1]).all()
-
-
-def test_many_tasks_are_compared_by_ratios(capsys):
-    options = '--tasks 2 --period 0.02 --law minimum_velocity,minimum_acceleration@2'
-    assert main(['compare', *options.split()]) == 0
-    shown = capsys.readouterr().out
-    assert 'minimum_acceleration, k_d = 2 1/s' in shown
-    assert '2 tasks; ratios to minimum_velocity' in shown
-    assert '1.000 (1.00–1.00)' in shown
 
 
 @pytest.mark.nightly

@@ -141,7 +141,6 @@ REFUSED = [
     ('simulate --damping 1001', 'damping is 1001.0; allowed: 0 to 1000'),
     ('simulate --period 0', 'T is 0.0; allowed: 1e-05 to 1'),
     ('simulate --switch-time -1', 'switch_time is -1.0; allowed: 0 to 60'),
-    ('compare --kind long', '--kind long is for many tasks; expected --tasks N as well'),
     ('demo --robot iiwa7 --tip hand', "unknown frame 'hand'; "),
     ('demo --prefer posture --set posture.target=[0]', '--set posture.target is not for'),
     ('demo --switch minimum_velocity@nan', 'the time of --switch minimum_velocity@nan is nan'),
@@ -216,7 +215,6 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         ('dance', 'dance'),
         ('simulate --damp 1', '--damp'),
         ('simulate --damping much', 'much'),
-        ('compare --tasks 0.5', '0.5'),
         ('simulate --view page', 'unknown: --view page; see redres simulate --help'),
         ('simulate --law=', 'got nothing for --law; expected a value'),
         ('compare --out=', 'got nothing for --out; expected a value'),
@@ -312,6 +310,7 @@ def test_every_motion_has_the_options_that_users_rely_on(command, capsys):
         ('simulate --posture.gain 4', '--set posture.gain=VALUE'),
         ('simulate --posture.gain=4', '--set posture.gain=VALUE'),
         ('demo --teleop', '--view'),
+        ('compare --tasks 5', 'batch(cases)'),
     ],
 )
 def test_what_is_gone_is_refused_with_what_to_write_instead(line, instead, capsys):

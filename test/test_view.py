@@ -2,7 +2,6 @@
 
 import socket
 from collections.abc import Iterator
-from dataclasses import replace
 from http.client import HTTPConnection
 from itertools import count
 from pathlib import Path
@@ -38,11 +37,10 @@ from redres_ros.nodes.controller_telemetry import (
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
-from redres_ros.simulation.closed_loop import run
 from redres_ros.view import panel
 from redres_ros.view import server as serving
 from redres_ros.view.controls import Bindings
-from redres_ros.view.scene import _shapes_of, write_page
+from redres_ros.view.scene import _shapes_of
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -80,11 +78,15 @@ def test_everybody_else_is_refused(hosts: list[str], origins: list[str], steers:
     assert serving._refusal(hosts, origins, PORT, steers=steers)
 
 
+async def ignore(connection: Any) -> None:
+    """Serve nothing to a connection that steers."""
+
+
 @pytest.fixture(scope='module')
 def server() -> Iterator[Any]:
-    server = serving.open_server(0, 'test')
+    server = serving.open_server(0, 'test', ignore)
     yield server
-    serving.close_server(server)
+    server.stop()
 
 
 def ask(server: Any, **headers: str) -> Any:
@@ -128,10 +130,13 @@ def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
     assert server.request_share_url() is None
 
 
-def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, '_checked', lambda respond, with_script: respond)
+def test_a_server_without_the_check_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped: list[str] = []
+    another = SimpleNamespace(stop=lambda: stopped.append('stopped'))
+    monkeypatch.setattr(serving, '_Server', lambda *_, **__: another)
     with pytest.raises(serving.OriginError, match='requests from elsewhere'):
-        serving.open_server(0, 'test')
+        serving.open_server(0, 'test', ignore)
+    assert stopped
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -343,18 +348,3 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         assert 'torque' in controller['limits'] and 'position' in controller['limits']
         chromium.get_by_text('Robot: CMD').wait_for()
     assert asked and all(url.startswith((address, f'blob:{address}')) for url in asked)
-
-
-@pytest.mark.slow
-def test_a_saved_page_replays_without_asking_anybody(chromium: Any, tmp_path: Path) -> None:
-    model = RobotModel.named('planar4r')
-    task = load_task('planar4r_hexagon')
-    whole = run(Controller(model, make_law('minimum_velocity'), 0.02), task)
-    path = tmp_path / 'page.html'
-    write_page(replace(whole, data=whole.data[:80]), model, task, 'a title', path)
-    asked: list[str] = []
-    chromium.on('request', lambda request: asked.append(request.url))
-    chromium.goto(path.as_uri())
-    chromium.locator('canvas').first.wait_for()
-    chromium.locator('input[value="1x"]').first.wait_for()  # the speed at which it plays
-    assert all(url.startswith(('file://', 'blob:', 'data:')) for url in asked)

@@ -5,7 +5,6 @@ What takes long to load is loaded within functions, so that Ctrl-C meanwhile end
 
 import os
 import sys
-from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -17,14 +16,16 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 _GONE = {  # commands and options of earlier versions, and what to write instead
     'batch': '`for result in batch(cases)` in Python',
-    'dampings': 'redres compare --law minimum_acceleration@2,minimum_acceleration@5 --tasks 20',
+    'dampings': 'redres compare --law minimum_acceleration@2,minimum_acceleration@5',
     'bench': 'python benchmarks/tick.py in a clone of the repository',
     'record': 'ros2 bag record -s mcap -a',
     'teleop': 'redres view, or teleop_twist_keyboard',
     '--teleop': '--view',
+    '--tasks': '`for result in batch(cases)` in Python',
+    '--kind': '`for result in batch(cases)` in Python',
+    '--save': '--view, or a plot of motion.csv, which the demo writes',
     '--help-gains': 'redres laws',
 }
-_PLUGIN = '--plugin'
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -75,13 +76,16 @@ def _run_command(given: list[str]) -> int:
     if given[0] in _GONE:
         _complain(f'redres {given[0]} is gone; instead: {_GONE[given[0]]}')
         return 2
-    _load_plugins(given)
     parser = make_parser()
     options, others = parser.parse_known_args(given)
     others += [word for word in given if not word or word.endswith('=')]
     if others:
         parser.prog = f'redres {options.command}'
         parser.error(_refusal(others))
+    if options.plugin:
+        from redres_ros.files.plugins import load_plugins
+
+        load_plugins(options.plugin)
     status: int = options.run(options)
     return status
 
@@ -97,16 +101,6 @@ def _refusal(words: list[str]) -> str:
         if not name or (equals and not value):
             return f'got nothing for {name or "a value"}; expected a value'
     return f'unknown: {" ".join(" ".join(words).split())}'
-
-
-def _load_plugins(words: list[str]) -> None:
-    """Load the files of --plugin: `redres laws` lists what they define."""
-    paths = [path for word, path in pairwise(words) if word == _PLUGIN]
-    paths += [word.partition('=')[2] for word in words if word.startswith(f'{_PLUGIN}=')]
-    if paths:
-        from redres_ros.files.plugins import load_plugins
-
-        load_plugins(paths)
 
 
 def _line(error: BaseException) -> str:
@@ -170,7 +164,7 @@ def make_parser() -> 'Parser':
         module.add(subparsers)
     for subparser in subparsers.choices.values():
         subparser.add_argument(
-            _PLUGIN,
+            '--plugin',
             action='append',
             metavar='FILE.py',
             help='a Python file with your own laws, preferences, tasks or limits; it is executed',

@@ -3,18 +3,15 @@
 import argparse
 import os
 import signal
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.options import (
     DEMO_LIMITS,
     DURATIONS,
-    OptionError,
     add_command,
     add_motion,
     check_range,
-    check_writable,
     made,
     number_in,
     option,
@@ -39,7 +36,6 @@ def add(commands: Any) -> None:
         '--robot my_arm.urdf --tip tool0  # your arm',
         '--task wipe  # press on a table, slide, lift, while the elbow is pushed',
         '--view  # steer it in a browser',
-        '--save motion.html  # a page that replays the motion',
     )
     add_motion(demo, limits=DEMO_LIMITS)
     run = demo.add_argument_group('run')
@@ -60,8 +56,6 @@ def add(commands: Any) -> None:
     view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
     results.add_argument('--view', action='store_true', help=view)
     option(results, '--out', 'DIR', 'directory for plot, data and logs', Path('redres_demo'))
-    save = 'a page that replays the motion in any browser'
-    option(results, '--save', 'FILE.html', save, type=Path)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -69,8 +63,6 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.nodes.runtime import own_domain
     from redres_ros.simulation.report import progress_bar
 
-    if options.save is not None:
-        _check_page(options.save)
     demo = _make_demo(options)
     handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps the results
     with own_domain(options.domain) as domain, progress_bar(demo.title) as progress:
@@ -129,15 +121,6 @@ def _switch(text: str) -> 'TaskEvent':
     return TaskEvent(seconds, 'controller', {'law': law})
 
 
-def _check_page(path: Path) -> None:
-    """Refuse a page that could not be written at the end, or without what makes it."""
-    if path.suffix != '.html':
-        raise OptionError(f'--save {path}; expected a name that ends in .html')
-    import_module('viser')
-    check_writable(path)
-    made(path.parent)
-
-
 def _end_at_once(number: int, _: object) -> NoReturn:
     """End the process at a signal, in place of an exception."""
     os._exit(128 + number)
@@ -166,11 +149,6 @@ def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace
     if not demo.interrupted:
         _draw(outcome, demo, out)
     print(f'data {out}/motion.csv')
-    if options.save is not None:
-        from redres_ros.view.scene import write_page
-
-        write_page(recording, demo.model, demo.task, demo.title, options.save)
-        print(f'page {options.save}')
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:

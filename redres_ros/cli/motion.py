@@ -2,7 +2,7 @@
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -58,7 +58,7 @@ class NamedMotion(NamedTuple):
 
 
 def find_motion(
-    options: argparse.Namespace, laws: Iterable[str], default: str = 'rectangle'
+    options: argparse.Namespace, laws: Sequence[str], default: str = 'rectangle'
 ) -> NamedMotion:
     """The motion under the first of some laws; the others are in use, too.
 
@@ -79,12 +79,11 @@ def find_motion(
     task = replace(given or task_for(arm, robot), robot=robot)
     if options.robot or options.tip:
         _check_start(task, model)
-    return NamedMotion(name or arm.task, task, model, find_case(options, laws))
+    return NamedMotion(name or arm.task, task, model, _find_case(options, laws))
 
 
-def find_case(options: argparse.Namespace, laws: Iterable[str]) -> Case:
-    """The case under the first of some laws; raises OptionError as find_motion() does."""
-    laws = list(laws)
+def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
+    """The case under the first of some laws."""
     limits: tuple[str, ...] = ()
     if options.limits != NONE:
         limits = tuple(name.strip() for name in options.limits.split(','))
@@ -142,7 +141,7 @@ def node_parameters(motion: NamedMotion) -> dict[str, Any]:
     return parameters
 
 
-def _checked_gains(case: Case, laws: Iterable[str]) -> dict[str, Any]:
+def _checked_gains(case: Case, laws: Sequence[str]) -> dict[str, Any]:
     """The gains of a case as their owners take them; one whose owner is not in use is refused."""
     if not case.gains:
         return {}

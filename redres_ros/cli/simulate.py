@@ -1,8 +1,6 @@
 """`redres simulate` and `redres compare`: motions in the paper's ideal loop, without ROS."""
 
 import argparse
-import signal
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,9 +23,6 @@ if TYPE_CHECKING:
     from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
-_MOST_TASKS = 1_000_000
-
-_Laws = list[tuple[str, float | None]]  # names, and dampings [1/s]; None: that of the options
 
 
 def add(commands: Any) -> None:
@@ -53,15 +48,8 @@ def add(commands: Any) -> None:
         '--law minimum_velocity,minimum_acceleration@5 --period 0.004',
         '--law minimum_acceleration@2,minimum_acceleration@5  # two dampings',
         '--limits position,velocity,acceleration --limit-scale 0.5',
-        '--robot fr3 --tasks 50 --kind near_singular --period 0.005',
     )
     add_motion(compare, several_laws=_LAWS)
-    many = compare.add_argument_group('many tasks')
-    tasks = 'compare on this many random tasks instead of one'
-    kinds = 'kinds of these tasks: random (default), near_singular, long (a minute there and '
-    kinds += 'back), or task files'
-    option(many, '--tasks', 'N', tasks, type=int, within=(1, _MOST_TASKS, ''))
-    option(many, '--kind', 'KIND|FILE.yaml,...', kinds)
     loop = add_loop(compare)
     option(loop, '--out', 'DIR', 'directory for plots and data', Path('redres_compare'))
 
@@ -90,43 +78,6 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    if options.tasks is not None:
-        return _compare_many(options)
-    if options.kind is not None:
-        raise OptionError(f'--kind {options.kind} is for many tasks; expected --tasks N as well')
-    return _compare_one(options)
-
-
-def _compare_many(options: argparse.Namespace) -> int:
-    from redres_ros.cli.motion import find_case
-    from redres_ros.files.processes import handle
-    from redres_ros.simulation.batch import batch
-    from redres_ros.simulation.random_tasks import RANDOM_TASKS
-    from redres_ros.simulation.report import print_tables, progress_bar, summary_tables
-
-    if options.task:
-        raise OptionError(f'--task {options.task} is one task; --tasks makes random ones')
-    laws = _laws(options)
-    contenders = _contenders(find_case(options, [name for name, _ in laws]), laws)
-    cases = [
-        replace(case, task=kind, seed=seed)
-        for kind in (options.kind or 'random').split(',')
-        for seed in range(options.tasks if kind in RANDOM_TASKS else 1)
-        for case in contenders.values()
-    ]
-    results = []
-    handle(signal.default_int_handler, signal.SIGTERM)  # of `timeout`, or of Slurm: as Ctrl-C
-    with suppress(KeyboardInterrupt), progress_bar(f'{len(cases)} motions') as progress:
-        for result in batch(cases, plugins=True):  # that --plugin names
-            results.append(result)
-            progress(len(results) / len(cases))
-    print_tables(*summary_tables(results))
-    if len(results) < len(cases):
-        print(f'ended after {len(results)} of {len(cases)} motions')
-    return 0 if len(results) == len(cases) else 1
-
-
-def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.motion import find_motion
     from redres_ros.simulation.batch import in_parallel
     from redres_ros.simulation.closed_loop import run
@@ -134,16 +85,20 @@ def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.simulation.recording import Effort
     from redres_ros.simulation.report import comparison_tables, print_tables, progress_bar
 
-    laws = _laws(options)
-    motion = find_motion(options, [name for name, _ in laws])
-    contenders = _contenders(motion.case, laws)
-    motions = {name: motion._replace(case=case) for name, case in contenders.items()}
+    laws = [text.strip().partition('@') for text in options.laws.split(',')]
+    motion = find_motion(options, [name for name, _, _ in laws])
+    motions = {}
+    for name, at, damping in laws:
+        label, case = _contender(motion.case, name, damping if at else None)
+        if label in motions:
+            raise OptionError(f'--law {label} is named twice')
+        motions[label] = motion._replace(case=case)
     for each in motions.values():
         each.controller()
     out = options.out
     files: dict[str, Path] = {}  # of the data
     picture = out / 'comparison.png'
-    for name in contenders:  # such as minimum_acceleration_5.csv
+    for name in motions:  # such as minimum_acceleration_5.csv
         files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
     made(out, *(path.name for path in (picture, *files.values())))
 
@@ -168,33 +123,20 @@ def _compare_one(options: argparse.Namespace) -> int:
     return 0 if all(recording.finished for recording in recordings.values()) else 1
 
 
-def _laws(options: argparse.Namespace) -> _Laws:
-    laws: _Laws = []
-    for text in options.laws.split(','):
-        name, at, own = text.strip().partition('@')
-        expected = 'a name or NAME@DAMPING, such as minimum_acceleration@5'
-        laws.append((name, number_in('--law', text, own, expected) if at else None))
-    return laws
-
-
-def _contenders(case: 'Case', laws: _Laws) -> 'dict[str, Case]':
-    """The cases to compare, by the labels of their laws; a damping of the case is that of all laws
-    without one. Raises OptionError if one is named twice.
+def _contender(case: 'Case', name: str, damping: str | None) -> 'tuple[str, Case]':
+    """The case under a law, and the law's label; without a damping of its own, with that of the
+    case. Raises OptionError.
     """
     from redres_ros.laws import LAWS
     from redres_ros.simulation.report import label
 
-    contenders: dict[str, Case] = {}
-    for name, damping in laws:
-        gains = dict(case.gains)
-        if damping is not None:
-            gains['damping'] = damping
-        law = LAWS.resolve(name, gains)
-        if damping is not None and not law.has_memory:
-            raise OptionError(
-                f'--law {name}@{damping:g}; {name} has no velocity history, and so no damping'
-            )
-        if label(law) in contenders:
-            raise OptionError(f'--law {label(law)} is named twice')
-        contenders[label(law)] = replace(case, law=name, gains=gains)
-    return contenders
+    gains = dict(case.gains)
+    if damping is not None:
+        expected = 'a name or NAME@DAMPING, such as minimum_acceleration@5'
+        gains['damping'] = number_in('--law', f'{name}@{damping}', damping, expected)
+    law = LAWS.resolve(name, gains)
+    if damping is not None and not law.has_memory:
+        raise OptionError(
+            f'--law {name}@{damping}; {name} has no velocity history, and so no damping'
+        )
+    return label(law), replace(case, law=name, gains=gains)

@@ -4,6 +4,7 @@ import os
 import sys
 import threading
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +22,7 @@ from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.view.controls import Bindings, add_controls
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.server import ADDRESS, TeleopChannel, close_server, open_server
+from redres_ros.view.server import ADDRESS, open_server
 from redres_ros.view.teleoperation import Teleoperation
 
 _NICENESS = 10  # with few processors, observers must wait for the nodes
@@ -35,54 +36,36 @@ _WALLS = ('limits', 'scene.')  # parameters of what is drawn
 class _Page:
     """A page of one graph, on a server that is still empty; the monitor is spun elsewhere.
 
-    Raises CallError without a controller or a planner, and RedresError for an arm or a task that is
-    not known here.
+    Raises RedresError for an arm or a task that is not known here.
     """
 
     def __init__(
-        self, server: viser.ViserServer, monitor: GraphMonitor, channel: TeleopChannel
+        self,
+        server: viser.ViserServer,
+        monitor: GraphMonitor,
+        values: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self._server = server
         self._monitor = monitor
-        client = monitor.client
-        values = {
-            'controller': client.parameters('controller'),
-            # None beside a real robot.
-            'sim': client.parameters('sim') if client.offers('sim') else {},
-        }
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
-        planner = client.parameters('planner', ('task', 'robot'))
+        planner = monitor.client.parameters('planner', ('task', 'robot'))
         name = planner['task']
         task = load_task(name) if name else task_for(model.arm, planner['robot'])
         self._scene = ArmScene(server, model, task.waypoints)
-        self._bindings = Bindings(client, values)
-        self._add_panel(values['controller']['law'])
+        self._bindings = Bindings(monitor.client, values)
+        self._add_panel()
         add_controls(server.gui, self._bindings)
         server.gui.main_panel.dock_right()
-        self._teleoperation = Teleoperation(
-            server, monitor, self._bindings, self._scene, model, channel
-        )
         self._show_walls()
         self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
         self._paths: dict[str, deque[np.ndarray]] = {
             name: deque(maxlen=_snapshots_in(_TRACED)) for name in self._scene.traced(self._arm.q)
         }
-        self._shown = np.full(model.n, np.nan)  # q of the newest picture
         monitor.on_parameters = self._on_parameters
 
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
-        ended = threading.Event()
-        thread = threading.Thread(target=self._teleoperation.run, args=(ended,))
-        thread.start()
-        try:
-            self._show(stopped)
-        finally:
-            ended.set()
-            thread.join()
-
-    def _show(self, stopped: threading.Event) -> None:
         number = 0
         while not stopped.wait(_PERIOD):
             if not self._server.get_clients():
@@ -91,11 +74,11 @@ class _Page:
             self._look()
             number += 1
             with self._server.atomic():
-                self._show_arm()
+                self._scene.show(self._arm.q)
                 if number % _SLOWLY == 0:
                     self._show_slowly()
 
-    def _add_panel(self, law: str) -> None:
+    def _add_panel(self) -> None:
         """Add the panel on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
@@ -104,7 +87,7 @@ class _Page:
             with gui.add_folder('joint positions, active limits'):
                 self._bars = gui.add_html('')
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
-                self._plots = Plots(gui, law)
+                self._plots = Plots(gui)
         seen.dock_left()
 
     def _look(self) -> None:
@@ -121,12 +104,6 @@ class _Page:
         self._figures.clear()
         for path in self._paths.values():
             path.clear()
-
-    def _show_arm(self) -> None:
-        if not np.array_equal(self._arm.q, self._shown):
-            self._shown = self._arm.q
-            self._scene.show(self._shown)
-        self._teleoperation.follow(self._shown)
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
@@ -150,11 +127,8 @@ class _Page:
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         """Show parameters that were changed, by this page or elsewhere."""
         self._bindings.show(node, values)
-        if node == 'controller':
-            if any(name.startswith(_WALLS) for name in values):
-                self._show_walls()
-            if 'law' in values:
-                self._plots.set_law(str(values['law']))
+        if node == 'controller' and any(name.startswith(_WALLS) for name in values):
+            self._show_walls()
 
 
 def _snapshots_in(seconds: float) -> int:
@@ -192,14 +166,21 @@ class _ViewNode(GraphMonitor):
                 self._serve(stopped)
 
     def _serve(self, stopped: threading.Event) -> None:
-        channel = TeleopChannel()
-        server = open_server(self._settings.port, 'redres', channel)
+        values = {
+            'controller': self.client.parameters('controller'),
+            # None beside a real robot.
+            'sim': self.client.parameters('sim') if self.client.offers('sim') else {},
+        }
+        rows = 6 if values['controller']['task_space'] == 'pose' else 3
+        teleoperation = Teleoperation(self, rows)
+        server = open_server(self._settings.port, 'redres', teleoperation.serve)
         try:
-            page = _Page(server, self, channel)
+            page = _Page(server, self, values)
+            teleoperation.start(server.gui)
             print(f'page: http://{ADDRESS}:{server.get_port()}', flush=True)
             page.run(stopped)
         finally:
-            close_server(server)
+            server.stop()
 
 
 def main(arguments: list[str] | None = None, domain: int | None = None) -> int:

@@ -12,14 +12,14 @@ from redres_ros.graph.watch import is_near_an_end
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
-from redres_ros.simulation.colours import AXES, LIMIT_COLOURS, OTHER_LIMIT, law_colour
+from redres_ros.simulation.colours import AXES, LIMIT_COLOURS, OTHER_LIMIT
 
 _FIGURES = Figures._fields[1:]  # all but the time
 _HEIGHT = 92  # [pixels] of a plot
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
-_TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
+_CURVE = '#0072b2'
 _TAG = 'color: white; border-radius: 3px; padding: 0 4px; font-size: 10px;'
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
@@ -77,13 +77,11 @@ def _row(place: str, bar: str, limits: Iterable[str]) -> str:
 
 
 def _bar(fraction: float) -> str:
-    place = 100.0 * min(max(fraction, 0.0), 1.0)
     colour = '#d62728' if is_near_an_end(fraction) else '#1f77b4'
-    knob = (
-        f'<div style="position: absolute; left: calc({place:.1f}% - 5px); width: 10px; '
-        f'height: 9px; border-radius: 5px; background: {colour};"></div>'
+    return (
+        f'<input type="range" inert min="0" max="1" step="any" value="{fraction:.3f}" '
+        f'style="width: 100%; accent-color: {colour};">'
     )
-    return f'<div style="{_TRACK}">{knob}</div>'
 
 
 def _escaped(text: str) -> str:
@@ -98,7 +96,7 @@ def _dim(text: str) -> str:
 class Plots:
     """One small plot for each figure."""
 
-    def __init__(self, gui: viser.GuiApi, law: str) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         self._handles = {}
         for figure in _FIGURES:
             # Axes begin at zero and show at least so much.
@@ -106,7 +104,7 @@ class Plots:
             bottom = {'hard': 0.0, 'soft': 0.0, 'mode': 1}
             self._handles[figure] = gui.add_uplot(
                 (np.zeros(2), np.zeros(2)),
-                _series(figure, law),
+                ({'label': 't'}, {'label': figure, 'stroke': _CURVE, 'width': 1.5}),
                 title=AXES[figure].title,
                 scales={
                     'x': uplot.Scale(time=False),
@@ -118,19 +116,8 @@ class Plots:
                 padding=(8, 12, 4, 0),
             )
 
-    def set_law(self, law: str) -> None:
-        """Go over to the colour of another law."""
-        for figure, handle in self._handles.items():
-            handle.series = _series(figure, law)
-
     def show(self, figures: Sequence[Figures]) -> None:
         """Draw figures over time, the newest one last."""
         seconds = np.array([each.time for each in figures]) - figures[-1].time
         for figure, handle in self._handles.items():
             handle.data = (seconds, np.array([getattr(each, figure) for each in figures]))
-
-
-def _series(figure: str, law: str) -> tuple[uplot.Series, uplot.Series]:
-    """The time, and a figure's curve in the colour of a law."""
-    curve: uplot.Series = {'label': figure, 'stroke': law_colour(law), 'width': 1.5}
-    return {'label': 't'}, curve

@@ -18,7 +18,6 @@
   });
   const pressed = new Set();  // codes of keys
   let shift = false;
-  let pointer = false;  // down on the scene: it may drag the tip or push a link
   let jog = null;  // code whose button is held
   let socket = null;
   let held = false;
@@ -27,7 +26,6 @@
   const letGo = () => {
     pressed.clear();
     shift = false;
-    pointer = false;
     jog = null;
     beat();
   };
@@ -57,7 +55,7 @@
     const withPad = addGamepad(direction);
     const codes = [...(shift ? pressed : []), ...(jog ? [jog] : [])];
     for (const code of codes) direction[KEYS[code][0]] += KEYS[code][1];
-    const holds = (withPad || shift || jog || pointer) && document.hasFocus();
+    const holds = (withPad || shift || jog) && document.hasFocus();
     if (holds) {
       const clipped = direction.map((value) => Math.min(1, Math.max(-1, value)));
       if (socket.bufferedAmount === 0) socket.send(JSON.stringify(clipped));  // no old ones
@@ -82,13 +80,8 @@
     shift = event.shiftKey;
     pressed.delete(event.code);
   }, true);
-  window.addEventListener('pointerdown', (event) => {
-    pointer = event.target.tagName === 'CANVAS';
-    beat();
-  }, true);
   for (const name of ['pointerup', 'pointercancel']) {
     window.addEventListener(name, () => {
-      pointer = false;
       jog = null;
       beat();
     }, true);
