@@ -190,7 +190,7 @@ def test_a_page_that_ends_lets_the_switch_go(operator: Operator) -> None:
         page.send('[1e9, 0, 0, 0, 0, 0]')  # which the script would not send
         with pytest.raises(ConnectionClosed, match='numbers from -1 to 1'):
             page.recv(PATIENCE)
-    assert operator.page._switch._beat is None
+    await_that(lambda: operator.page._switch._beat is None, 'the end of the hold')
 
 
 @pytest.mark.parametrize(
