@@ -76,23 +76,18 @@ def check_value(name: str, value: Any, parameter: Parameter) -> None:
     """Raise RangeError or UnknownNameError for a value that is not allowed; of a tuple, for every
     member.
     """
-    members = value if isinstance(value, tuple) else (value,)
-    for member in members:
-        if not parameter.choices:
-            _check_range(name, member, parameter)
-        elif not isinstance(member, str) or member not in parameter.choices:
-            raise UnknownNameError(name, member, parameter.choices)
-
-
-def _check_range(name: str, value: Any, parameter: Parameter) -> None:
     lower = -math.inf if parameter.lower is None else parameter.lower
     upper = math.inf if parameter.upper is None else parameter.upper
-    is_number = isinstance(value, Real)
-    is_free_text = isinstance(value, str) and parameter.lower is parameter.upper is None
-    if is_number and not lower <= value <= upper:
-        raise RangeError(name, value, lower, upper)
-    if not is_number and not is_free_text:
-        raise RangeError(name, value, lower, upper, 'a number')
+    is_text = parameter.lower is parameter.upper is None
+    for member in value if isinstance(value, tuple) else (value,):
+        is_number = isinstance(member, Real)
+        if parameter.choices:
+            if not isinstance(member, str) or member not in parameter.choices:
+                raise UnknownNameError(name, member, parameter.choices)
+        elif is_number and not lower <= member <= upper:
+            raise RangeError(name, member, lower, upper)
+        elif not is_number and not (is_text and isinstance(member, str)):
+            raise RangeError(name, member, lower, upper, 'a number')
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.errors import UnknownNameError
 from redres_ros.files.processes import handled
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
@@ -30,7 +29,7 @@ from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import DYNAMICS
-from redres_ros.robots.table import ALLOWED, names_an_arm
+from redres_ros.robots.table import ALLOWED
 from redres_ros.tasks import TASKS
 from redres_ros.types import Seconds
 
@@ -86,9 +85,7 @@ def make_arm(robot: str, tip_frame: str, await_description: Callable[[], str]) -
     """
     if robot == TOPIC:
         return arm_from_urdf(await_description(), tip_frame)
-    if not names_an_arm(robot):
-        raise UnknownNameError('robot', robot, [*ALLOWED, TOPIC])
-    return choose_arm(robot, tip_frame)
+    return choose_arm(robot, tip_frame, others=(TOPIC,))
 
 
 def _await_description(node: Node) -> str:

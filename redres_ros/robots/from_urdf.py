@@ -110,8 +110,8 @@ def _start(kinematics: Kinematics) -> JointPositions:
     """A posture to begin with: the middle of the ranges, if that will do.
 
     There many an arm is stretched out, which is singular. Then as few joints as possible are bent,
-    up to three, for about the best conditioning of this kind. Of equally good postures it is the
-    one with the tip farthest in front and above (x + z).
+    up to three, for a conditioning that is good enough. Of several such postures it is the one with
+    the tip farthest in front and above (x + z).
     """
     middle = (kinematics.lower + kinematics.upper) / 2.0
     bend = np.minimum((kinematics.upper - kinematics.lower) / 4.0, _BEND)
@@ -120,23 +120,21 @@ def _start(kinematics: Kinematics) -> JointPositions:
     chosen = combinations_with_replacement(of_one_joint, _BENT_JOINTS)
     bends = np.clip([sum(each) for each in chosen], -1.0, 1.0)  # (N, n), of -1, 0 and 1
     postures = middle + bends * bend
-    conditioning = _conditioning(kinematics, postures)
-    good = conditioning >= _GOOD_ENOUGH * conditioning.max()
-    bent_joints = np.count_nonzero(bends, axis=1)
-    fewest = bent_joints == bent_joints[good].min()
-    best = fewest & (conditioning > 0.99 * conditioning[fewest].max())
-    tips = np.array([kinematics.position(q) for q in postures])  # (N, 3) [m]
-    return postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
+    tips, jacobians = map(np.array, zip(*map(kinematics.tip_at, postures), strict=True))
+    conditioning = _conditioning(kinematics, jacobians)
+    is_poor = conditioning < _GOOD_ENOUGH * conditioning.max()
+    order = np.lexsort((-tips[:, 0] - tips[:, 2], np.count_nonzero(bends, axis=1), is_poor))
+    return postures[order[0]]
 
 
-def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
-    """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,); of the
-    position alone for few joints, and without directions in which the arm cannot move at all.
+def _conditioning(kinematics: Kinematics, jacobians: np.ndarray) -> np.ndarray:
+    """Smallest singular value of Jacobians (N, 6, n) over the largest of all, (N,); of the position
+    alone for few joints, and without directions in which the arm cannot move at all.
     """
-    jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
-    jacobians[:, :3] /= np.linalg.norm(kinematics.offsets, axis=1).sum()  # no units
+    reach = np.linalg.norm(kinematics.offsets, axis=1).sum()
+    scaled = jacobians / np.repeat((reach, 1.0), 3)[:, None]  # no units
     rows = 6 if kinematics.n >= 6 else 3
-    values = np.linalg.svd(jacobians[:, :rows], compute_uv=False)  # (N, k), descending
+    values = np.linalg.svd(scaled[:, :rows], compute_uv=False)  # (N, k), descending
     largest = values[:, 0].max()
     rank = np.count_nonzero(values.max(axis=0) > 1e-6 * largest)
     return values[:, rank - 1] / largest
@@ -152,8 +150,8 @@ def square_before_tip(
     Its sides are along y and z if the tip can move so, else along x and z, or x and y. They are
     0.1 m, or as much as the joints' ranges and speeds allow, by the Jacobian at the start.
     """
-    x = kinematics.position(start)
-    J = kinematics.jacobian(start)[:3]
+    x, J = kinematics.tip_at(start)
+    J = J[:3]
     inverse = np.linalg.pinv(J, rcond=1e-2)  # without nearly singular directions
     base = kinematics.joints[0].before[:3, 3]
     inward = np.diag(np.where(x > base + 1e-6, -1.0, 1.0))  # stretched out, it cannot go outward

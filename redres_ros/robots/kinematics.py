@@ -106,17 +106,10 @@ class Kinematics:
                 farthest[joint.parent] = max(farthest[joint.parent], beyond)
         return np.where([joint.is_prismatic for joint in self.joints], 1.0, farthest)
 
-    def position(self, q: JointPositions) -> Position:
-        """The tip's position in the base frame."""
-        pin.forwardKinematics(self.model, self._data, q)
-        tip = pin.updateFramePlacement(self.model, self._data, self._tip)
-        return tip.translation.copy()
-
-    def jacobian(self, q: JointPositions) -> Jacobian:
-        """The Jacobian of the tip in the base frame, (6, n), linear rows first."""
-        return pin.computeFrameJacobian(
-            self.model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
-        )
+    def tip_at(self, q: JointPositions) -> tuple[Position, Jacobian]:
+        """The tip's position and Jacobian (6, n) in the base frame, linear rows first."""
+        J = pin.computeFrameJacobian(self.model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED)
+        return self._data.oMf[self._tip].translation.copy(), J
 
 
 class Bodies(NamedTuple):

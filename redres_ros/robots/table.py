@@ -111,7 +111,7 @@ ALLOWED = (*ARMS, f'a path ending in {" or ".join(_ENDINGS)}')  # in words
 
 
 def find_arm(name: str, **changes: object) -> Arm:
-    """The arm of that name, with fields set to other values; None leaves a field as it is.
+    """The arm of that name, with fields set to other values.
 
     With another tip than in the table it has no default task, and joints beyond the tip are held
     still. Raises UnknownNameError, and RangeError for an offset beyond 2 m.
@@ -119,8 +119,7 @@ def find_arm(name: str, **changes: object) -> Arm:
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
     arm = ARMS[name]
-    given = {field: value for field, value in changes.items() if value is not None}
-    changed = replace(arm, **given)  # type: ignore[arg-type]  # as many types as fields
+    changed = replace(arm, **changes)  # type: ignore[arg-type]  # as many types as fields
     if changed.tip_frame == arm.tip_frame:
         return changed
     bare = replace(changed, **dict.fromkeys(OF_EACH_JOINT, ()))  # type: ignore[arg-type]
@@ -129,17 +128,17 @@ def find_arm(name: str, **changes: object) -> Arm:
     return replace(changed, task='', body_radius=changed.body_radius[: n + 1], **figures)
 
 
-def names_an_arm(robot: str) -> bool:
-    """Whether a text is a name of the table, or a path as that of a URDF."""
-    return robot in ARMS or Path(robot).suffix in _ENDINGS
-
-
-def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
+def choose_arm(
+    robot: str, tip_frame: str = '', elbow_frame: str = '', *, others: tuple[str, ...] = ()
+) -> Arm:
     """The arm of a name in the table, or of the path of a .urdf or .xacro file; an empty frame is
-    the arm's own, or that which `arm_from_urdf` chooses. Raises UnknownNameError or FileError.
+    the arm's own, or that which `arm_from_urdf` chooses.
+
+    Raises UnknownNameError, which lists `others` that the caller takes, too, and FileError.
     """
-    if not names_an_arm(robot):
-        raise UnknownNameError('robot', robot, ALLOWED)
-    if robot not in ARMS:
-        return arm_from_urdf(Path(robot), tip_frame, elbow_frame)
-    return find_arm(robot, tip_frame=tip_frame or None, elbow_frame=elbow_frame or None)
+    if robot in ARMS:
+        frames = {'tip_frame': tip_frame, 'elbow_frame': elbow_frame}
+        return find_arm(robot, **{name: frame for name, frame in frames.items() if frame})
+    if Path(robot).suffix not in _ENDINGS:
+        raise UnknownNameError('robot', robot, (*ALLOWED, *others))
+    return arm_from_urdf(Path(robot), tip_frame, elbow_frame)
