@@ -7,10 +7,11 @@ Results from elsewhere are first kept in docs/studies, with rounded figures.
 
 import argparse
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow
@@ -22,7 +23,6 @@ from study import read_results
 
 from redres_ros import LAWS, Result, RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.report import RATIOS
 
 FOLDER = Path(__file__).parent
 PAGE = FOLDER / 'choosing_a_law.md'
@@ -40,7 +40,12 @@ EQUAL = 0.01  # by which a ratio may be away from 1
 CONFIDENCE = 1.96  # standard deviations, for 95 %
 PEAK = 'peak |ddq|'
 THRIFTY = 'minimum_kinetic_energy'
-HEADS = tuple(head for head in RATIOS if head != 'RMS |tau|')  # of the columns of a table
+RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished result, by their heads
+    PEAK: lambda result: result.effort.acceleration,
+    'RMS |ddq|': lambda result: (result.effort.squared_acceleration / result.duration) ** 0.5,
+    'peak |tau|': lambda result: result.effort.torque,
+    'kinetic energy': lambda result: result.effort.kinetic_energy,
+}
 
 Task = tuple[str, str, int]  # arm, kind, seed
 Pair = tuple[Result, Result]  # of one task: under a law, and under the first one
@@ -88,12 +93,7 @@ def _rounded(column: pyarrow.ChunkedArray) -> pyarrow.ChunkedArray | pyarrow.Arr
 
 
 def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
-    """How many tasks the tables stand on.
-
-    Args:
-        short: Results of random and nearly singular tasks.
-        long: Of long ones.
-    """
+    """How many tasks the tables stand on: random and nearly singular ones, and long ones."""
     fewest, *_, most = sorted(_counts(short))
     tasks = f'{most:,}' if fewest == most else f'{fewest:,} to {most:,}'
     return (
@@ -103,11 +103,7 @@ def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
 
 
 def words(results: Sequence[Result]) -> str:
-    """What the short tasks say of the default, and what another law saves of energy.
-
-    Args:
-        results: Of random and nearly singular tasks.
-    """
+    """What the short tasks say of the default, and what another law saves of energy."""
     near = distances(results)
     lower, middle, upper = NEAR
     free = pairs(results, limited=False)
@@ -152,12 +148,7 @@ def _counts(results: Sequence[Result]) -> list[int]:
 
 
 def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
-    """Each law's motions beside those of the first law on the same task.
-
-    Args:
-        results: Of all laws.
-        limited: Those with limits, or those without.
-    """
+    """Each law's motions beside those of the first law on the same task."""
     chosen = [each for each in results if bool(each.case.limits) == limited]
     firsts = {_task(each): each for each in chosen if each.case.law == FIRST}
     found: dict[str, list[Pair]] = {law: [] for law in LAWS}
@@ -218,7 +209,7 @@ def table(results: Sequence[Result]) -> str:
                 f'{lower:g}–{upper:g}' if law == FIRST else '',
                 f'`{law}`',
                 _finished([each for each, _ in inside]),
-                *(shown(ratios(inside, head)) for head in HEADS),
+                *(shown(ratios(inside, head)) for head in RATIOS),
                 shown(ratios(kept, PEAK)),
                 _time_lost([each for each, _ in kept]),
             ]
@@ -238,7 +229,7 @@ def long_table(results: Sequence[Result]) -> str:
         cells = [
             f'`{law}`',
             _finished([each for each, _ in found]),
-            *(shown(ratios(found, head)) for head in HEADS),
+            *(shown(ratios(found, head)) for head in RATIOS),
             f'{np.median(closures):.2f}',
             _time_lost([each for each, _ in found]),
         ]
@@ -287,15 +278,7 @@ def draw(results: Sequence[Result]) -> Figure:
 def _draw_law(
     ax: Axes, free: Sequence[Pair], limited: Sequence[Pair], near: Mapping[Task, float], colour: str
 ) -> None:
-    """A point for each task that both laws finish.
-
-    Args:
-        ax: Of the law.
-        free: Without limits.
-        limited: With limits.
-        near: Distance of each task from singularities.
-        colour: Of the law.
-    """
+    """A point for each task that both laws finish, without limits and with them."""
     for found, style in (
         (free, {'marker': '.', 'ms': 2, 'color': colour, 'label': 'without limits'}),
         (limited, {'marker': 'x', 'ms': 2, 'mew': 0.4, 'color': '0.35', 'label': 'with limits'}),
@@ -314,14 +297,7 @@ def _both(found: Sequence[Pair]) -> list[Pair]:
 def _within(
     found: Sequence[Pair], lower: float, upper: float, near: Mapping[Task, float]
 ) -> list[Pair]:
-    """Pairs of tasks that come that near to a singularity.
-
-    Args:
-        found: All.
-        lower: Least distance from it.
-        upper: Largest one.
-        near: Distance of each task, of the first law without limits.
-    """
+    """Pairs of tasks that come that near to a singularity."""
     return [pair for pair in found if lower <= near.get(_task(pair[0]), -1.0) < upper]
 
 

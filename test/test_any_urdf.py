@@ -44,7 +44,7 @@ def path(tmp_path: Path) -> Path:
 @pytest.mark.nightly
 def test_one_command_moves_the_arm_of_a_file(path: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
-    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01', '--composed']
+    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01']
     done = subprocess.run(
         [sys.executable, '-m', 'redres_ros.cli', 'demo', *options, '--out', str(out)],
         cwd=path.parent,

@@ -170,17 +170,6 @@ def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:
     np.testing.assert_allclose(between[:, :3], [[0.1] * 3, [0.2] * 3])
 
 
-def test_a_switch_is_reported_with_both_names_and_when() -> None:
-    graph = Graph()
-    for tick in range(1, 5):
-        graph.publish_state(tick)
-        graph.publish_command(tick)
-        graph.publish_word(LAW, 'one' if tick < 3 else 'two')
-        graph.publish_desired(tick)
-        graph.publish_word(TASK_STATE, 'moving')
-    assert graph.log.switches() == ((0.004, 'one', 'two'),)
-
-
 @pytest.fixture(scope='module')
 def rows_and_log() -> tuple[Recording, Log, RobotModel]:
     """The beginning of an ideal loop: its own table, and what nodes would have published of it."""

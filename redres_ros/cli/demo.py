@@ -13,16 +13,12 @@ from redres_ros.cli.options import (
     add_motion,
     check_range,
     made,
-    number_in,
     option,
 )
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
-    from redres_ros.planning.waypoints import TaskEvent
-
-_LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'composed')]
 
 
 def add(commands: Any) -> None:
@@ -32,7 +28,6 @@ def add(commands: Any) -> None:
         _demo,
         'planner, controller and fake arm as ROS 2 nodes, in real time',
         '--law minimum_velocity --limits none  # the robot stops it',
-        '--switch minimum_weighted_torque@6.5  # another law during the motion',
         '--robot my_arm.urdf --tip tool0  # your arm',
         '--task wipe  # press on a table, slide, lift, while the elbow is pushed',
         '--view  # steer it in a browser',
@@ -43,12 +38,9 @@ def add(commands: Any) -> None:
     lockstep = 'as fast as possible and deterministic, instead of in real time'
     duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
     domain = 'ROS domain; default: one that is free on this machine'
-    switch = 'switch the law during the motion; may be repeated'
     option(run, '--period', 'S', 'sampling time T [s]', 0.002)
-    option(run, '--switch', 'LAW@SECONDS', switch, action='append')
     option(run, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
     run.add_argument('--lockstep', action='store_true', help=lockstep)
-    run.add_argument('--composed', action='store_true', help='the three nodes in one process')
     option(run, '--duration', 'S', duration, 0.0, within=DURATIONS)
     option(run, '--domain', 'ID', domain, type=int)
 
@@ -89,14 +81,12 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
 
     check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
     default = 'side_to_side' if options.duration else 'rectangle'
-    switches = tuple(map(_switch, options.switch or ()))
-    laws = [options.law, *(switch.parameters['law'] for switch in switches)]
-    motion = find_motion(options, laws, default)
-    for law in laws:
-        motion.law(law).check_damping(options.period)
+    motion = find_motion(options, [options.law], default)
+    motion.law(options.law).check_damping(options.period)
     parameters = node_parameters(motion)
     page = {'patience': START_PATIENCE, 'plugins': parameters['plugins']}
-    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
+    logs = [f'{name}.log' for name in ('sim', 'controller', 'planner')]
+    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *logs)
     motion.controller()
     return Demo(
         motion.task,
@@ -104,21 +94,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         motion.law,
         {**parameters, 'plant': options.plant, 'lockstep': options.lockstep},
         out,
-        switches,
-        options.composed,
         options.duration,
         page if options.view else None,
     )
-
-
-def _switch(text: str) -> 'TaskEvent':
-    from redres_ros.planning.waypoints import TaskEvent
-
-    law, _, moment = text.partition('@')
-    expected = 'LAW@SECONDS, such as minimum_velocity@4.5'
-    seconds = number_in('--switch', text, moment, expected)
-    check_range(f'the time of --switch {text}', seconds, DURATIONS)
-    return TaskEvent(seconds, 'controller', {'law': law})
 
 
 def _end_at_once(number: int, _: object) -> NoReturn:
@@ -152,22 +130,15 @@ def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:
-    """The motion, beside what another law would do with an ideal arm on a path that it passes once;
-    and the forces, if any were measured.
-    """
-    from redres_ros.controller import Controller
-    from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import Remarks, draw_contact, draw_motion
+    """The motion; and the forces, if any were measured."""
+    from redres_ros.simulation.plots import draw_contact, draw_motion, save
 
     recording, summary, forces = outcome
     law = demo.parameters['law']
-    beside = {}
-    if summary['rounds'] == 1:
-        other = 'minimum_velocity' if law != 'minimum_velocity' else 'minimum_acceleration'
-        beside[other] = run(Controller(demo.model, demo.make_law(other), recording.T), demo.task)
-    remarks = Remarks(beside, summary['stop_reason'], summary['switches'], law)
-    draw_motion(recording, demo.model, demo.task, demo.title, out / 'motion.png', remarks)
+    reason = summary['stop_reason']
+    figure = draw_motion(recording, demo.model, demo.task, demo.title, law, reason)
+    save(figure, out / 'motion.png')
     print(f'plot {out}/motion.png')
     if forces[:, 1:].any():  # after the column of times
-        draw_contact(forces, recording, demo.model, demo.title, out / 'contact.png')
+        save(draw_contact(forces, recording, demo.model, demo.title), out / 'contact.png')
         print(f'forces {out}/contact.png')

@@ -2,7 +2,7 @@
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -23,7 +23,7 @@ from redres_ros.loop.modes import COMMANDING
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import REASON, SESSION
 from redres_ros.planning.task_executor import TaskState
-from redres_ros.planning.waypoints import TaskEvent, WaypointTask
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.simulation.report import label
@@ -59,8 +59,6 @@ class Demo:
         make_law: Gives the law of a name, with the gains of the run.
         parameters: Of the nodes; each takes those that it has.
         out: Directory for what the nodes print.
-        switches: Other laws during the motion.
-        composed: One process instead of three.
         duration: How long the task is repeated [s]; 0 for once.
         page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
         interrupted: Whether Ctrl-C has ended it.
@@ -71,8 +69,6 @@ class Demo:
     make_law: Callable[[str], Law]
     parameters: Mapping[str, Any]
     out: Path
-    switches: Sequence[TaskEvent] = ()
-    composed: bool = False
     duration: float = 0.0
     page: Mapping[str, Any] | None = None
     interrupted: bool = field(default=False, init=False)
@@ -118,7 +114,7 @@ class Demo:
         """
         try:
             parameters = self._node_parameters()
-            for name in ('composed',) if self.composed else ('sim', 'controller', 'planner'):
+            for name in ('sim', 'controller', 'planner'):
                 self._nodes.append(NodeProcess(name, self.out / f'{name}.log', parameters))
             if self.page is not None:
                 self._page = NodeProcess(_PAGE, self.out / f'{_PAGE}.log', self.page)
@@ -163,7 +159,7 @@ class Demo:
     def _run_task(self, monitor: GraphMonitor, progress: Callable[[float], None]) -> None:
         """Run the task until it has ended, the robot is stopped, or a time limit."""
         self._start_task(monitor)
-        events = sorted((*self.switches, *self.task.events), key=lambda event: event.at)
+        events = sorted(self.task.events, key=lambda event: event.at)
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
         while t < PATIENCE * nominal and not self._log.ending():
@@ -250,7 +246,6 @@ class Demo:
             'task': 'finished' if recording.finished else 'NOT finished',
             'stop_reason': log.stopped()[1],
             'session': log.words(SESSION),
-            'switches': log.switches(),
             'rounds': self._rounds,
         }
         if self.interrupted:

@@ -184,16 +184,6 @@ class Log:
         of = np.array(known) - known[0]  # [ns], small enough for a float
         return np.column_stack([np.interp(at, of, column) for column in poses.T])
 
-    def switches(self) -> tuple[tuple[float, str, str], ...]:
-        """Changes of the law under way: seconds since the task began, name before, name after."""
-        stamps = self.under_way()
-        laws = self.values_at(LAW, stamps, '')
-        return tuple(
-            ((stamp - stamps[0]) / 1e9, before, after)
-            for stamp, (before, after) in zip(stamps[1:], pairwise(laws), strict=True)
-            if before != after
-        )
-
 
 def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, float]:
     """How many states between two stamps [ns] got their command in time, late, or not at all.

@@ -21,9 +21,8 @@ class Outcome(NamedTuple):
         recording: Recording of the task.
         summary: `task`: how it ended, 'finished' if a robot that was not stopped reached the last
             point; `stop_reason`, why the robot stopped itself; `session`, the robot's states;
-            `switches`, each the time [s] and the law before and after; `rounds` of the task. Once
-            it has begun, `motion` and `cycles`, of `motion_values` and `count_cycles`; after a
-            contact, `pressing`, of `pressing_values`.
+            `rounds` of the task. Once it has begun, `motion` and `cycles`, of `motion_values` and
+            `count_cycles`; after a contact, `pressing`, of `pressing_values`.
         forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4).
     """
 

@@ -26,7 +26,6 @@ from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.plots import (
     NORMS,
-    Remarks,
     draw_norm,
     draw_paths,
     legend_below,
@@ -122,7 +121,7 @@ def _draw_norms(number: int, name: str, columns: Sequence[str], runs: Runs) -> F
     """Norms of a simulation."""
     figure, panels = _panels(title(number, name), len(columns), runs.task)
     for ax, norm in zip(panels, columns, strict=True):
-        draw_norm(ax, norm, runs[name], Remarks({}, law=MOTIONS[name].law))
+        draw_norm(ax, norm, runs[name], MOTIONS[name].law)
         ax.set_ylabel(_LABELS[norm], fontsize='medium')
     return figure
 

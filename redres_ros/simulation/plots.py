@@ -4,7 +4,6 @@ files, without a display.
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -110,57 +109,40 @@ def _in_symbols(text: str) -> str:
 # --- one motion -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Remarks:
-    """Remarks beside the curves of a motion."""
-
-    beside: Mapping[str, Recording]  # ideal motions by law, drawn dashed for comparison
-    stopped: str = ''  # why the robot was stopped, marked at the end of the curves
-    switches: tuple[tuple[float, str, str], ...] = ()  # (time [s], law before, law after)
-    law: str = ''  # in force at the start; empty for one without a colour of its own
-
-
 def draw_motion(
     recording: Recording,
     model: RobotModel,
     task: WaypointTask,
     title: str,
-    path: Path,
-    remarks: Remarks,
-) -> None:
-    """One page: the paths of tip and elbow on the left, norms over time on the right; and the
-    errors of a task with orientations. The motion has at least one row. Raises FileError.
+    law: str,
+    stopped: str = '',
+) -> Figure:
+    """One page: the paths of tip and elbow on the left, norms over time on the right, in the colour
+    of the law; and the errors of a task with orientations. The motion has at least one row.
+    `stopped` is why the robot was stopped, which is marked at the end of the curves.
     """
     figure = Figure(figsize=(13.0, 7.5), layout='constrained')
     lines = [_in_symbols(title)]
-    for number, (t, before, after) in enumerate(remarks.switches, 1):
-        lines.append(f'{number}: at {t:.2f} s from {before} to {after}')
-    reason = remarks.stopped.replace('^2', '²')
-    if reason:
+    if stopped:
+        reason = stopped.replace('^2', '²')
         lines += textwrap.wrap(f'stopped at the red line: {reason}', _TITLE_WIDTH)
     figure.suptitle('\n'.join(lines), fontsize='medium')
     left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.3)))
     draw_paths(left.add_subplot(projection='3d'), recording, model, task)
     panels = _panels(right, len(_BESIDE_PATHS) + int(recording.pose))
     for ax, norm in zip(panels, _BESIDE_PATHS, strict=False):
-        draw_norm(ax, norm, recording, remarks)
-        for number, (t, _, _) in enumerate(remarks.switches, 1):
-            ax.axvline(t, color='tab:green', ls='--', lw=1.0)
-            across = ax.get_xaxis_transform()
-            ax.text(t, 1.01, str(number), color='tab:green', transform=across, ha='center')
-        if reason:
+        draw_norm(ax, norm, recording, law, stopped=bool(stopped))
+        if stopped:
             ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
     if recording.pose:
         _draw_errors(panels[-1], recording)
     legend_below(panels[-1], panels[0], ncols=4, fontsize='small')
-    save(figure, path)
+    return figure
 
 
-def draw_contact(
-    forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
-) -> None:
-    """The force on the tip, and how far tip and elbow moved. Raises FileError. `forces` (N, 4) has
-    times [s], and forces of the environment on the tip [N].
+def draw_contact(forces: np.ndarray, recording: Recording, model: RobotModel, title: str) -> Figure:
+    """The force on the tip, and how far tip and elbow moved. `forces` (N, 4) has times [s], and
+    forces of the environment on the tip [N].
     """
     figure, (force, distance) = time_panels(2, _in_symbols(title), (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')
@@ -174,38 +156,29 @@ def draw_contact(
             distance.plot(t, 1e3 * np.linalg.norm(x - x[0], axis=1), label=name)
     distance.set_ylabel('distance from its start [mm]')
     distance.legend(fontsize='small')
-    save(figure, path)
+    return figure
 
 
-def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
-    """One of NORMS over time, in the colour of the law, with the same norm of other motions.
+def draw_norm(
+    ax: Axes, norm: str, recording: Recording, law: str, *, stopped: bool = False
+) -> None:
+    """One of NORMS over time, in the colour of the law.
 
-    The recording sets the scale; peaks beyond it are cut off and labelled. What the robot stopped
-    may be far beyond the rest, and does not set the scale.
+    What the robot stopped may be far beyond the rest: it does not set the scale, but is labelled.
     """
-    beside = remarks.beside
-    for name, other in beside.items():
-        ideal = f'{name}, ideal arm'
-        ax.plot(*_curve(other, norm), label=ideal, color=law_colour(name), ls='--', lw=1.0)
     t, values = _curve(recording, norm)
-    laws = [(-np.inf, remarks.law), *((t, after) for t, _, after in remarks.switches)]
-    ends = [start for start, _ in laws[1:]] + [np.inf]
-    for (start, law), end in zip(laws, ends, strict=True):
-        shown = np.where((t < start) | (t > end), np.nan, values)
-        name = 'this run' if start < 0.0 else f'_{law}'  # an underscore: not in the legend
-        ax.plot(t, shown, color=law_colour(law), lw=1.2, label=name)
+    ax.plot(t, values, color=law_colour(law), lw=1.2, label='this run')
     ax.set_ylabel(NORMS[norm], fontsize='small')
-    top = recording.peak(norm)[0]
-    if remarks.stopped:
-        earlier = recording[norm][recording['t'] < recording['t'][-1] - _BEFORE_STOP]
-        top = min(top, 2.0 * float(earlier.max())) if len(earlier) else top
+    peak, at = recording.peak(norm)
+    top = peak
+    earlier = recording[norm][recording['t'] < recording['t'][-1] - _BEFORE_STOP]
+    if stopped and len(earlier):
+        top = min(peak, 2.0 * float(earlier.max()))
     top = _HEADROOM * max(top, _LEAST_SCALE)
     ax.set_ylim(0.0, top)
-    for other in (recording, *beside.values()):
-        peak, at = other.peak(norm)
-        if peak > top:
-            across = ax.get_xaxis_transform()
-            ax.text(at, 0.96, f'up to {peak:.3g} ', transform=across, ha='right', va='top')
+    if peak > top:
+        across = ax.get_xaxis_transform()
+        ax.text(at, 0.96, f'up to {peak:.3g} ', transform=across, ha='right', va='top')
 
 
 def _draw_errors(ax: Axes, recording: Recording) -> None:

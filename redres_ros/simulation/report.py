@@ -1,30 +1,21 @@
-"""Progress bars and tables for the terminal: of one motion, of laws side by side, and of many
-motions.
-"""
+"""Progress bars and tables for the terminal: of one motion, and of laws side by side."""
 
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from redres_ros.laws import LAWS, Law, law_name
+from redres_ros.laws import Law, law_name
 from redres_ros.simulation.recording import Effort, Recording
-
-if TYPE_CHECKING:
-    from redres_ros.simulation.batch import Result
 
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
 
 _ALIKE = 1.05  # ratio of two peaks of acceleration that hardly differ
-_BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
 
 _PEAKS = {  # norms, also figures of Effort, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
@@ -36,13 +27,6 @@ _WHOLE = {  # other figures of Effort, and their heads
     'squared_torque': 'int tau^2 [Nm^2 s]',
     'kinetic_energy': 'int energy [J s]',
     'elbow': 'elbow path [m]',
-}
-RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished Result, by their heads
-    'peak |ddq|': lambda result: result.effort.acceleration,
-    'RMS |ddq|': lambda result: math.sqrt(result.effort.squared_acceleration / result.duration),
-    'peak |tau|': lambda result: result.effort.torque,
-    'RMS |tau|': lambda result: math.sqrt(result.effort.squared_torque / result.duration),
-    'kinetic energy': lambda result: result.effort.kinetic_energy,
 }
 
 
@@ -109,9 +93,6 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         yield lambda fraction: bar.update(task, completed=fraction, refresh=True)
 
 
-# --- motions --------------------------------------------------------------------------------------
-
-
 def label(law: Law) -> str:
     """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
     if not law.has_memory:
@@ -173,65 +154,3 @@ def _conclusion(efforts: Mapping[str, Effort]) -> list[str]:
             'It may where a path passes a singularity in motion.'
         ]
     return [f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.']
-
-
-# --- many motions ---------------------------------------------------------------------------------
-
-_Results = Mapping[int, 'Result']  # of one law, by the seeds of its tasks
-
-
-def summary_tables(results: Iterable['Result']) -> list[Table]:
-    """A table for each kind of task, with the ratios of each law to the first one.
-
-    The results differ in task, law, damping and seed alone.
-    """
-    groups: dict[str, dict[str, dict[int, Result]]] = {}
-    for result in sorted(results, key=lambda result: result.case.law != 'minimum_velocity'):
-        case = result.case
-        limits = ', '.join(case.limits) or 'none'
-        title = f'{case.robot}, {case.task}, T = {1e3 * case.T:g} ms, limits: {limits}'
-        law = label(LAWS.resolve(case.law, case.gains))
-        groups.setdefault(title, {}).setdefault(law, {})[case.seed] = result
-    return [_summary_table(title, laws) for title, laws in groups.items()]
-
-
-def _summary_table(title: str, laws: Mapping[str, _Results]) -> Table:
-    first = next(iter(laws))
-    rows = []
-    for law, results in laws.items():
-        finished = [each for each in results.values() if each.finished]
-        within = [each for each in finished if each.within_limits]
-        rows.append(
-            [
-                law,
-                f'{len(finished) / len(results):.0%}',
-                f'{len(within) / len(results):.0%}',
-                *(_band(_ratios(results, laws[first], figure)) for figure in RATIOS.values()),
-                _median(each.time_lost for each in finished),
-                _median(each.closure for each in finished),
-            ]
-        )
-    note = f'{len(laws[first])} tasks; ratios to {first}: median (10 to 90 %)'
-    heads = ('law', 'finished', 'within limits', *RATIOS, 'time lost [s]', 'closure [rad]')
-    return table(heads, rows, title=title, note=note)
-
-
-def _ratios(results: _Results, others: _Results, figure: Callable[[Any], float]) -> np.ndarray:
-    """A figure over that of other results, of each task that both finish."""
-    both = [
-        seed for seed in results.keys() & others if results[seed].finished and others[seed].finished
-    ]
-    return np.array([figure(results[seed]) / figure(others[seed]) for seed in both])
-
-
-def _median(values: Iterable[float]) -> str:
-    """The median of the values that are no NaN, or a dash."""
-    numbers = [value for value in values if np.isfinite(value)]
-    return f'{np.median(numbers):.3f}' if numbers else '-'
-
-
-def _band(ratios: np.ndarray) -> str:
-    if not len(ratios):
-        return '-'
-    low, high = np.quantile(ratios, _BAND)
-    return f'{np.median(ratios):.3f} ({low:.2f}–{high:.2f})'
