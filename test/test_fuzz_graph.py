@@ -158,7 +158,7 @@ BAD: dict[str, Any] = {
     'secondary_tasks': ['axis@nose'],
     'rate': 10.0,
     'state_loss': -1.0,
-    'frozen_joint': 9,
+    'push_link': 'nose',
 }
 
 

@@ -53,7 +53,6 @@ _DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = (TASK_BEGUN, TASK_STATE, REASON, SESSION)
 _DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOVING = [state.value for state in UNDER_WAY]
-_HELD_UP = 1.5  # cycles between two states, beyond which the robot's clock stood still
 
 
 class Log:
@@ -178,6 +177,8 @@ class Log:
 
     def desired_at(self, stamps: Sequence[int]) -> np.ndarray:
         """Desired poses at some stamps, (N, 7); interpolated if the planner missed one."""
+        if not stamps:
+            return np.empty((0, 7))
         known = sorted(self.desired)
         poses = np.array([self.desired[stamp] for stamp in known])  # (N, 7)
         at = np.array(stamps) - known[0]
@@ -185,32 +186,20 @@ class Log:
         return np.column_stack([np.interp(at, of, column) for column in poses.T])
 
 
-def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, float]:
-    """How many states between two stamps [ns] got their command in time, late, or not at all.
-
-    `in_time`: sent within the cycle; `waited_for`: later, but before the next state, because the
-    robot's clock stood still; `late`: after the next state; `missed`: never; `stood_still`: for how
-    long the clock did [s]. The period [s] is infinite in lock-step, where there is no clock.
+def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, int]:
+    """How many states between two stamps [ns] got their command within a period [s], which is
+    infinite in lock-step; later than that; or not at all.
     """
     sent = log.sent[STATES]
     returned = log.sent[COMMANDS]
-    after = dict(pairwise(sorted(sent)))
-    counts = {'in_time': 0, 'waited_for': 0, 'late': 0, 'missed': 0, 'stood_still': 0.0}
-    for stamp in sorted(sent):
+    counts = {'in time': 0, 'late': 0, 'missing': 0}
+    for stamp in sent:
         if not first <= stamp <= last:
             continue
-        cycle = period
-        if stamp in after:
-            cycle = (sent[after[stamp]] - sent[stamp]) / 1e9
-        if cycle > _HELD_UP * period:
-            counts['stood_still'] += cycle - period
-        latency = (returned[stamp] - sent[stamp]) / 1e9 if stamp in returned else None
-        if latency is None:
-            counts['missed'] += 1
-        elif latency > cycle:
-            counts['late'] += 1
+        if stamp not in returned:
+            counts['missing'] += 1
         else:
-            counts['in_time' if latency <= period else 'waited_for'] += 1
+            counts['in time' if returned[stamp] - sent[stamp] <= 1e9 * period else 'late'] += 1
     return counts
 
 
@@ -222,32 +211,31 @@ def replay(
     A state without a command has no row. Norms of accelerations reach back to the last command,
     which is more than T ago where a cycle was missed.
     """
-    under_way = log.under_way()
-    poses: dict[int, tuple[np.ndarray, str, float, int]] = {}
-    if under_way:
-        columns = (
-            log.desired_at(under_way),
-            log.values_at(LAW, under_way, ''),
-            log.values_at(SCALING, under_way, 1.0),
-            log.values_at(SEGMENT, under_way, 0),
-        )
-        poses = dict(zip(under_way, zip(*columns, strict=True), strict=True))
     recorder = MotionRecorder(model, T, pose)
-    dq_prev = np.zeros(model.n)
-    stamp_prev = 0
-    for stamp in sorted(log.states.keys() & log.commands.keys()):
+    stamps = log.under_way()
+    known = sorted(log.states.keys() & log.commands.keys())
+    before = {later: earlier for earlier, later in pairwise(known)}
+    at_rest = np.zeros(model.n)
+    columns = zip(
+        stamps,
+        log.desired_at(stamps),
+        log.values_at(LAW, stamps, ''),
+        log.values_at(SCALING, stamps, 1.0),
+        log.values_at(SEGMENT, stamps, 0),
+        strict=True,
+    )
+    for stamp, desired, law, s, segment in columns:
+        if stamp not in log.commands:
+            continue
         q_ref, dq = log.commands[stamp]
-        if stamp in poses:
-            desired, law, s, segment = poses[stamp]
-            state = model.state(log.states[stamp], dq_prev)
-            elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
-            J = state.J if pose else state.J[:3]
-            solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
-            command = Command(solution, q_ref, state, elapsed)
-            reference = _reference(desired, state, segment, pose)
-            recorder.add((stamp - under_way[0]) / 1e9, command, reference, s)
-        dq_prev = dq
-        stamp_prev = stamp
+        elapsed = (stamp - before[stamp]) / 1e9 if stamp in before else T
+        dq_prev = log.commands[before[stamp]][1] if stamp in before else at_rest
+        state = model.state(log.states[stamp], dq_prev)
+        J = state.J if pose else state.J[:3]
+        solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
+        command = Command(solution, q_ref, state, elapsed)
+        reference = _reference(desired, state, segment, pose)
+        recorder.add((stamp - stamps[0]) / 1e9, command, reference, s)
     _, reason = log.stopped()
     is_finished = log.ending() == TaskState.FINISHED.value and not reason
     return recorder.recording(reason, finished=is_finished)

@@ -115,13 +115,7 @@ def summary_table(summary: Mapping[str, Any], title: str) -> Table:
             ('states without contact', f'{pressing["contact_lost"]} after the first touch'),
         ]
     if cycles := summary.get('cycles'):
-        paused = f'while the clock paused for {cycles["stood_still"]:.3f} s'
-        rows += [
-            ('commands of the cycles',),
-            ('in time', f'{cycles["in_time"]}'),
-            ('late', f'{cycles["waited_for"]} {paused}, {cycles["late"]} after the cycle'),
-            ('missing', f'{cycles["missed"]}'),
-        ]
+        rows += [('commands of the cycles',), *((name, f'{n}') for name, n in cycles.items())]
     return facts(rows, title=title)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from redres_ros.fake_robot.faults import NetworkModel
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.fake_robot.session import CommandError, Refusal
+from redres_ros.fake_robot.session import CommandError
 from redres_ros.fake_robot.timing import WINDOW
 from redres_ros.types import JointPositions, Nanoseconds, Seconds
 
@@ -81,7 +81,7 @@ class CommandReceiver:
         """What arrived as the command for a state, judged at tick `now`. Raises CommandError."""
         if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:
             raise CommandError(
-                Refusal.SECOND_PUBLISHER,
+                'second publisher',
                 f'joint_command has {self.publishers} publishers that send commands; allowed: 1',
             )
         tick = self._tick_of(arrival.stamp, now)
@@ -96,17 +96,15 @@ class CommandReceiver:
         """The tick of a stamp, before `now`: that state is not out yet. Raises CommandError."""
         tick = self._clock.tick(stamp)
         if tick is None or tick >= now:
-            raise CommandError(
-                Refusal.NO_STATE, f'stamp {stamp} ns is that of no state sent so far'
-            )
+            raise CommandError('for no state', f'stamp {stamp} ns is that of no state sent so far')
         if tick < now - 1 - WINDOW:
             raise CommandError(
-                Refusal.OUT_OF_DATE,
+                'out of date',
                 f'command for tick {tick} at tick {now}, more than {WINDOW} cycles late',
             )
         if tick < self._newest_tick:
             raise CommandError(
-                Refusal.OUT_OF_ORDER,
+                'out of order',
                 f'command for tick {tick} at tick {now}, after one for tick {self._newest_tick}',
             )
         return tick
@@ -117,19 +115,19 @@ class CommandReceiver:
         expected = self._robot.plant.joint_names
         if sorted(names) != sorted(expected):
             raise CommandError(
-                Refusal.WRONG_NAMES,
+                'wrong joint names',
                 f'got joints {", ".join(names) or "without names"}; '
                 f'expected {", ".join(expected)} in any order',
             )
         if arrival.positions.shape != (len(names),):
             raise CommandError(
-                Refusal.WRONG_LENGTH,
+                'wrong length',
                 f'got {arrival.positions.size} positions; expected {len(names)}, one a joint',
             )
         by_name = dict(zip(names, arrival.positions.tolist(), strict=True))
         for name, position in by_name.items():
             if not math.isfinite(position):
                 raise CommandError(
-                    Refusal.NOT_FINITE, f'{name} commanded {position} rad; expected a finite value'
+                    'not finite', f'{name} commanded {position} rad; expected a finite value'
                 )
         return np.array([by_name[name] for name in expected])

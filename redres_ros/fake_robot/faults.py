@@ -12,7 +12,7 @@ from redres_ros.types import Cycles, Radians
 
 M = TypeVar('M')
 
-_SENSOR_FAULTS = ('none', 'noise', 'bias', 'saturated', 'not_finite', 'lost')
+_SENSOR_FAULTS = ('none', 'bias', 'not_finite', 'lost')
 
 _live = partial(param, live=True)
 _fraction = partial(_live, 0.0, lower=0.0, upper=1.0)
@@ -25,8 +25,7 @@ class Link:
 
     delay: Cycles = 0  # of every message
     loss: float = 0.0  # probability that a message is lost
-    duplication: float = 0.0  # probability that a message arrives twice
-    reordering: float = 0.0  # probability that a message arrives right after the next one
+    disorder: float = 0.0  # probability that it arrives twice, and that it arrives after the next
 
 
 class NetworkModel(Generic[M]):
@@ -50,9 +49,9 @@ class NetworkModel(Generic[M]):
         if losing < self.link.loss:
             return
         copies = [message]
-        if doubling < self.link.duplication:
+        if doubling < self.link.disorder:
             copies.append(message)
-        if not self._overtaken and overtaking < self.link.reordering:
+        if not self._overtaken and overtaking < self.link.disorder:
             self._overtaken = copies
             return
         due = tick + self.link.delay
@@ -82,15 +81,11 @@ class Faults:
         'fraction of states and commands that arrive twice, and of those that arrive after the next'
     )
     encoder_noise: float = _live(0.0, 'standard deviation of measured positions [rad]', 0.0, 0.1)
-    frozen_joint: int = _live(
-        0, 'joint whose encoder is frozen, 1 next to the base; 0: none', 0, 100
-    )
     push_force: tuple[float, ...] = _live(
         (0.0, 0.0, 0.0), 'force on the arm along x, y, z of the base [N]', -500.0, 500.0
     )
     push_link: str = _live('', 'link on whose origin this force acts; empty: the tip')
     wrench_fault: str = _live('none', 'what the force sensor shows', choices=_SENSOR_FAULTS)
-    paused_physics: bool = _live(False, 'the arm ignores every command')
     encoder_step: Radians = 0.0  # resolution of measured positions; no parameter of the node
 
     def __post_init__(self) -> None:
@@ -101,9 +96,9 @@ class Faults:
     @property
     def states(self) -> Link:
         """Faults of the link that carries states to the client."""
-        return Link(self.state_delay, self.state_loss, self.disorder, self.disorder)
+        return Link(self.state_delay, self.state_loss, self.disorder)
 
     @property
     def commands(self) -> Link:
         """Faults of the link that carries commands to the robot."""
-        return Link(self.command_delay, self.command_loss, self.disorder, self.disorder)
+        return Link(self.command_delay, self.command_loss, self.disorder)

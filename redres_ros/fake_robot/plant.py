@@ -19,17 +19,13 @@ from redres_ros.types import (
     Force,
     JointPositions,
     JointTorques,
-    JointVelocities,
     Position,
     Seconds,
     Wrench,
     finite_vector,
 )
 
-# Figures of a faulty force sensor
-_SENSOR_NOISE = np.repeat((1.0, 0.1), 3)  # [N], [Nm]
-_SENSOR_BIAS = 5.0  # [N] along the tip's z
-_SENSOR_RANGE = 10.0  # [N], [Nm] of a saturated one
+_SENSOR_BIAS = 5.0  # [N] of a faulty force sensor, along the tip's z
 
 
 class IdealPlant:
@@ -144,6 +140,8 @@ class MujocoPlant:
         body = self._model.body(link).id if link else self._tip
         data.xfrc_applied[self._pushed] = 0.0
         self._pushed = body
+        if not any(force):  # as in most cycles: the cross product would take half of a cycle's time
+            return
         # at the body's centre of mass: it takes a torque to have it at the origin
         data.xfrc_applied[body, :3] = force
         data.xfrc_applied[body, 3:] = np.cross(data.xpos[body] - data.xipos[body], force)
@@ -204,9 +202,7 @@ class FaultyPlant:
     """A plant as its faulty sensors show it; without faults exactly the plant itself.
 
     Noise of the encoders is drawn once a cycle, the same for the same seed. The velocities of
-    encoders at fault are differences of their positions. While the physics are paused the plant
-    stands still and receives nothing; afterwards its servos drive it to the reference as hard as
-    they can, and an ideal one jumps there.
+    encoders at fault are differences of their positions.
 
     Attributes:
         true: The plant itself.
@@ -225,60 +221,40 @@ class FaultyPlant:
         self.q = plant.q
         self.dq = plant.dq
         self._random = np.random.default_rng(seed)
-        self._wrench_random = np.random.default_rng(seed)  # drawn as often as somebody subscribes
-        self._pushed = False  # in the last cycle
         self.faults = faults or Faults()
         self.check(self.faults)
 
     def check(self, faults: Faults) -> None:
-        """Raise RangeError for a frozen joint, and UnknownNameError for a pushed link, that the arm
-        does not have.
-        """
+        """Raise UnknownNameError for a pushed link that the arm does not have."""
         links = self.true.links
         if faults.push_link and links and faults.push_link not in links:
             raise UnknownNameError('link', faults.push_link, links)
-        if faults.frozen_joint > len(self.joint_names):
-            raise RangeError('frozen_joint', faults.frozen_joint, 0, len(self.joint_names))
 
     @property
     def wrench(self) -> Wrench | None:
         """Measured force and moment on the tip, along the tip's axes; None: it is lost."""
+        fault = self.faults.wrench_fault
+        if fault == 'lost':
+            return None
         shown = self.true.wrench.copy()
-        match self.faults.wrench_fault:
-            case 'noise':
-                shown += self._wrench_random.normal(size=6) * _SENSOR_NOISE
-            case 'bias':
-                shown[2] += _SENSOR_BIAS
-            case 'saturated':
-                shown = np.clip(shown, -_SENSOR_RANGE, _SENSOR_RANGE)
-            case 'not_finite':
-                shown[:] = np.nan
-            case 'lost':
-                return None
+        if fault == 'bias':
+            shown[2] += _SENSOR_BIAS
+        elif fault == 'not_finite':
+            shown[:] = np.nan
         return shown
 
     def step(self, q_ref: JointPositions) -> None:
-        """Move for one cycle, during which the reference goes on to q_ref; or stand still."""
+        """Move for one cycle, during which the reference goes on to q_ref."""
         faults = self.faults  # one for the whole cycle
-        if faults.paused_physics:
-            self._measure(faults, np.zeros_like(self.q))
-            return
-        pushed = any(faults.push_force)
-        if pushed or self._pushed:
-            self.true.push(np.array(faults.push_force), faults.push_link)
-        self._pushed = pushed
+        self.true.push(np.array(faults.push_force), faults.push_link)
         self.true.step(q_ref)
-        self._measure(faults, self.true.dq)
-
-    def _measure(self, faults: Faults, dq: JointVelocities) -> None:
-        """Take what the encoders show, at the true velocities dq."""
         q = self.true.q.copy()
+        dq = self.true.dq
         if faults.encoder_noise:
             q += self._random.normal(0.0, faults.encoder_noise, len(q))
         if faults.encoder_step:
             q = faults.encoder_step * np.round(q / faults.encoder_step)
-        if faults.frozen_joint:
-            q[faults.frozen_joint - 1] = self.q[faults.frozen_joint - 1]
-        faulty = faults.encoder_noise or faults.encoder_step or faults.frozen_joint
-        self.dq = (q - self.q) / self.period if faulty else dq
+        if faults.encoder_noise or faults.encoder_step:
+            dq = (q - self.q) / self.period
         self.q = q
+        self.dq = dq

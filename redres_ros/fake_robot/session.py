@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from dataclasses import dataclass
-from enum import Enum
 
 from redres_ros.errors import RedresError
 from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event, Reflex
@@ -14,22 +13,10 @@ from redres_ros.types import Cycles, Radians, Seconds
 _ENTRY_TOLERANCE = 0.01  # [rad] from the mirrored position to the first command; a figure of ours
 
 
-class Refusal(Enum):
-    """Why a command is refused; each kind is counted."""
-
-    WRONG_NAMES = 'wrong joint names'
-    WRONG_LENGTH = 'wrong length'
-    NOT_FINITE = 'not finite'
-    NO_STATE = 'for no state'
-    OUT_OF_DATE = 'out of date'
-    OUT_OF_ORDER = 'out of order'
-    SECOND_PUBLISHER = 'second publisher'
-
-
 class CommandError(RedresError):
     """A command is refused: the kind that is counted, and what was got and is allowed."""
 
-    def __init__(self, kind: Refusal, why: str) -> None:
+    def __init__(self, kind: str, why: str) -> None:
         self.kind = kind
         super().__init__(why)
 
@@ -63,7 +50,7 @@ class Session:
         self.timing = TimingMonitor(period)
         self._cycles_needed = max(1, math.ceil(settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
-        self.refusals = Counter[Refusal]()
+        self.refusals = Counter[str]()  # by kind
         self.command_error: CommandError | None = None  # of the last command, if it was refused
         self.state = next(iter(self.profile.transitions))
         self.reason = ''  # why command mode was taken away or refused
@@ -97,7 +84,7 @@ class Session:
         if self.commanding and (fault := self._timing_fault()):
             self.stop(fault)
             return
-        self.timing.counts.bridged += self.commanding and self.timing.age > 0
+        self.timing.counts['bridged'] += self.commanding and self.timing.age > 0
         if self.timing.silent:
             self._take(Event.SILENCE)
         elif self._is_long_good:
@@ -108,7 +95,6 @@ class Session:
     def refuse(self, error: CommandError) -> None:
         """Count a refused command. Its cycle is still recorded."""
         self.refusals[error.kind] += 1
-        self.timing.counts.refused += 1
         self.command_error = error
 
     def offer(self, distance: Radians) -> None:

@@ -1,40 +1,14 @@
 """Timing of a client: statistics over the last packets, the resulting quality, and counts."""
 
 import math
-from collections import deque
-from dataclasses import dataclass
+from collections import Counter, deque
 
 from redres_ros.fake_robot.robot_clock import NANOSECONDS
 from redres_ros.types import Cycles, Seconds
 
 WINDOW = 100  # packets
 
-
-@dataclass(frozen=True)
-class Statistics:
-    """The five figures that FRI reports, over the last WINDOW packets."""
-
-    response_rate: float = 0.0  # fraction of cycles in which a command arrived, late or not
-    latency: Seconds = 0.0  # mean time from a state to its command
-    jitter: Seconds = 0.0  # standard deviation of that time
-    miss_rate: float = 0.0  # fraction of cycles without a command in time
-    miss_count: int = 0  # cycles without a command in time since the start
-
-
-@dataclass
-class Counts:
-    """Numbers of cycles by their outcome, since the start. The session counts."""
-
-    cycles: int = 0  # in_time + late + missed
-    in_time: int = 0
-    late: int = 0  # their command came late
-    missed: int = 0  # no command came
-    longest_run: int = 0  # most cycles in a row without a command in time
-    bridged: int = 0  # in command mode, whose command was extrapolated
-    refused: int = 0  # messages that were no valid command
-
-
-# Bounds on the statistics for the qualities 1, 2, 3; the worst one, 0, has none. Figures of ours,
+# Bounds on the statistics for the qualities 1, 2, 3; the worst one, 0, has none. Values of ours,
 # since KUKA's are not public. Misses follow from commands that are lost or late: they come last.
 _BOUNDS = {
     'response_rate': (0.60, 0.85, 0.95),  # at least; the others: at most
@@ -49,7 +23,13 @@ class TimingMonitor:
 
     Attributes:
         age: Cycles by which the newest command is too old: they have to be bridged.
-        quality: The best one whose threshold the statistics meet, 3, or else 2, 1, 0.
+        counts: Cycles since the start by their outcome: their command came in time, late, or not
+            at all; `bridged`, which the session counts, are those in command mode whose command was
+            extrapolated.
+        statistics: What FRI reports, over the last WINDOW packets: the fraction of cycles in which
+            a command arrived, late or not; mean and standard deviation of the time from a state to
+            its command [s]; the fraction of cycles without a command in time.
+        quality: The best one whose bounds the statistics meet, 3, or else 2, 1, 0.
         at_fault: Which statistic keeps it from being better by one; empty for the best.
     """
 
@@ -57,10 +37,9 @@ class TimingMonitor:
         self._period = period
         self._latenesses: deque[Cycles | None] = deque(maxlen=WINDOW)
         self._latencies: deque[int] = deque(maxlen=WINDOW)  # [ns]: their sums are exact
-        self._run: Cycles = 0
         self.age: Cycles = 0
-        self.counts = Counts()
-        self.statistics = Statistics()
+        self.counts = Counter({'in time': 0, 'late': 0, 'missed': 0, 'bridged': 0})
+        self.statistics = dict.fromkeys(_BOUNDS, 0.0)
         self.quality = 0
         self.at_fault = 'response_rate'
 
@@ -68,19 +47,14 @@ class TimingMonitor:
         """Enter one cycle, by the lateness of its command, 0: in time, None: no command; and the
         time from the state to the command.
         """
-        counts = self.counts
-        counts.cycles += 1
         self._latenesses.append(lateness)
         if lateness is None:
-            counts.missed += 1
+            self.counts['missed'] += 1
             self.age += 1
         else:
+            self.counts['late' if lateness else 'in time'] += 1
             self._latencies.append(round(NANOSECONDS * latency))
-            counts.in_time += lateness == 0
-            counts.late += lateness > 0
             self.age = lateness
-        self._run = 0 if lateness == 0 else self._run + 1
-        counts.longest_run = max(counts.longest_run, self._run)
         self.statistics = self._statistics()
         self.quality = 3
         self.at_fault = ''
@@ -91,7 +65,7 @@ class TimingMonitor:
     @property
     def silent(self) -> bool:
         """Whether none of the last packets got a command."""
-        return self.statistics.response_rate == 0.0
+        return self.statistics['response_rate'] == 0.0
 
     @property
     def complaint(self) -> str:
@@ -99,7 +73,7 @@ class TimingMonitor:
         name = self.at_fault
         if not name:
             return ''
-        value = getattr(self.statistics, name)
+        value = self.statistics[name]
         bound = self._bound(name, self.quality + 1)
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
@@ -112,23 +86,20 @@ class TimingMonitor:
 
     def _breach(self, quality: int) -> str:
         """Name of the first statistic that breaks its bound, empty if none does."""
-        for name in _BOUNDS:
-            value = getattr(self.statistics, name)
+        for name, value in self.statistics.items():
             bound = self._bound(name, quality)
-            is_broken = value < bound if name == 'response_rate' else value > bound
-            if is_broken:
+            if value < bound if name == 'response_rate' else value > bound:
                 return name
         return ''
 
-    def _statistics(self) -> Statistics:
+    def _statistics(self) -> dict[str, float]:
         packets = len(self._latenesses)
         n = max(len(self._latencies), 1)
         total = sum(self._latencies)
         variance = n * sum(latency * latency for latency in self._latencies) - total * total
-        return Statistics(
-            response_rate=(packets - self._latenesses.count(None)) / packets,
-            latency=total / (n * NANOSECONDS),
-            jitter=math.sqrt(variance) / (n * NANOSECONDS),  # variance: [ns^2], n^2 times
-            miss_rate=(packets - self._latenesses.count(0)) / packets,
-            miss_count=self.counts.late + self.counts.missed,
-        )
+        return {
+            'response_rate': (packets - self._latenesses.count(None)) / packets,
+            'latency': total / (n * NANOSECONDS),
+            'jitter': math.sqrt(variance) / (n * NANOSECONDS),  # variance: [ns^2], n^2 times
+            'miss_rate': (packets - self._latenesses.count(0)) / packets,
+        }

@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -285,12 +285,12 @@ class SimNode(ManagedNode):
         session = self._session
         timing = session.timing
         figures = {
-            **asdict(timing.statistics),
+            **timing.statistics,
             'session state': session.state,
             'quality': session.quality,
             'at fault': timing.at_fault,
-            **asdict(timing.counts),
-            **{f'refused: {kind.value}': count for kind, count in session.refusals.items()},
+            **timing.counts,
+            **{f'refused: {kind}': count for kind, count in session.refusals.items()},
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
         }
