@@ -23,7 +23,7 @@ from redres_ros.demo.observation import (
     count_cycles,
     replay,
 )
-from redres_ros.demo.outcome import motion_values, pressing_values
+from redres_ros.demo.outcome import motion_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law
 from redres_ros.nodes.conversions import to_time
@@ -204,19 +204,3 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
     assert motion['seconds'] == pytest.approx(199 * T)
     still = recording['joint_velocity_norm'] <= 1e-4
     assert motion['still'] == pytest.approx(T * still.sum())
-
-
-def test_a_force_is_judged_from_a_second_after_the_first_touch_on() -> None:
-    t = np.arange(0.0, 3.0, 0.5)
-    forces = np.zeros((len(t), 4))
-    forces[:, 0] = t
-    forces[:, 3] = (0.0, 30.0, 25.0, 21.0, 0.0, 20.0)
-    pressing = pressing_values(forces, (0.0, 0.0, 20.0))
-    assert pressing == {
-        'rms': pytest.approx(np.sqrt((1.0 + 400.0) / 3.0)),
-        'largest': 20.0,
-        'peak': 30.0,
-        'contact_lost': 1,
-    }
-    assert pressing_values(forces[:2], (0.0, 0.0, 20.0)) is None
-    assert pressing_values(forces, ()) is None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from redres_ros.demo.observation import Log, count_cycles, replay
-from redres_ros.demo.outcome import Outcome, motion_values, pressing_values
+from redres_ros.demo.outcome import Outcome, motion_values
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.errors import RedresError
 from redres_ros.files.processes import handled
@@ -262,7 +262,4 @@ class Demo:
             for stamp in stamps
             if stamp in log.forces
         ]
-        forces = np.array(rows).reshape(-1, 4)
-        desired_force = self.task.nodes.get('controller', {}).get('admittance.force', ())
-        summary['pressing'] = pressing_values(forces, desired_force)
-        return Outcome(recording, summary, forces)
+        return Outcome(recording, summary, np.array(rows).reshape(-1, 4))

@@ -1,6 +1,6 @@
 """The outcome of a demo in values, and as a table for the terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
 
 _STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
-_SETTLING = 1.0  # [s] from the first touch until the force is judged
 
 
 class Outcome(NamedTuple):
@@ -22,7 +21,7 @@ class Outcome(NamedTuple):
         summary: `task`: how it ended, 'finished' if a robot that was not stopped reached the last
             point; `stop_reason`, why the robot stopped itself; `session`, the robot's states;
             `rounds` of the task. Once it has begun, `motion` and `cycles`, of `motion_values` and
-            `count_cycles`; after a contact, `pressing`, of `pressing_values`.
+            `count_cycles`.
         forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4).
     """
 
@@ -56,32 +55,6 @@ def motion_values(
     }
 
 
-def pressing_values(forces: np.ndarray, desired: Sequence[float]) -> dict[str, float] | None:
-    """How well a desired force was kept, along its direction; None without one, or without a second
-    of contact.
-
-    `rms` and `largest` are of its error, from a second after the first touch on [N], `peak` is the
-    force before [N], and `contact_lost` the number of states without contact after the first touch.
-    The forces (N, 4) come with their times [s]; a moment may follow the desired force.
-    """
-    direction = np.array(desired[:3])
-    size = float(np.linalg.norm(direction))
-    if not size:
-        return None
-    force = forces[:, 1:] @ direction / size
-    touched = np.cumsum(force > 0.0) > 0
-    t = forces[:, 0] - forces[touched, 0].min(initial=np.inf)
-    errors = force[t >= _SETTLING] - size
-    if not errors.size:
-        return None
-    return {
-        'rms': float(np.sqrt(np.mean(errors**2))),
-        'largest': float(np.abs(errors).max()),
-        'peak': float(force[t < _SETTLING].max()),
-        'contact_lost': int(np.count_nonzero(force[touched] <= 0.0)),
-    }
-
-
 def summary_table(summary: Mapping[str, Any], title: str) -> Table:
     """The summary that ends a demo."""
     reason = summary['stop_reason']
@@ -105,14 +78,6 @@ def summary_table(summary: Mapping[str, Any], title: str) -> Table:
             ('maximum joint velocity', _peak(motion['velocity'], 1.0, 'rad/s (norm)')),
             ('maximum joint torque', _peak(motion['torque'], 1.0, 'Nm (norm)')),
             ('time at rest', f'{motion["still"]:.3f} s'),
-        ]
-    if pressing := summary.get('pressing'):
-        error = f'{pressing["rms"]:.3f} N RMS, at most {pressing["largest"]:.3f} N'
-        rows += [
-            ('pressing',),
-            ('error of the force', f'{error}, from {_SETTLING:g} s after the first touch on'),
-            ('peak at first', f'{pressing["peak"]:.2f} N'),
-            ('states without contact', f'{pressing["contact_lost"]} after the first touch'),
         ]
     if cycles := summary.get('cycles'):
         rows += [('commands of the cycles',), *((name, f'{n}') for name, n in cycles.items())]

@@ -9,13 +9,13 @@ import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from redres_ros.controller import Controller
-from redres_ros.errors import RedresError, UnknownNameError, reason_of
+from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.plugins import load_plugins
 from redres_ros.files.processes import end_with_parent, handle
 from redres_ros.parameter import as_tuple, check_parameters, param
@@ -42,9 +42,7 @@ class Case:
     made.
     """
 
-    robot: str = (
-        'lwr4_paper'  # a name of `redres laws`, or the path of a URDF; workers get its text
-    )
+    robot: str = 'lwr4_paper'  # an arm's name, or the path of a URDF, whose text workers get
     law: str = 'minimum_acceleration'
     T: float = 0.002
     limits: tuple[str, ...] = ()
@@ -75,10 +73,8 @@ class Result:
     effort: Effort | None = None  # what it demanded of the arm; None if it could not be computed
     duration: float = np.nan  # until the last point was reached [s]
     time_lost: float = np.nan  # part of it by which limits stretched the task [s]
-    path_deviation: float = np.nan  # largest distance of the tip from its path [m]
     closure: float = np.nan  # of the joints' end from their start, if the path closes [rad]
     min_singular_value: float = np.nan  # of the task Jacobian
-    min_task_scaling: float = np.nan  # smallest fraction of the task velocity that limits allowed
     error: str = ''  # why there is no effort
 
     @property
@@ -101,10 +97,7 @@ class _Job(NamedTuple):
 
 
 def batch(
-    cases: Iterable[Case | Mapping[str, Any]],
-    executor: Executor | None = None,
-    *,
-    plugins: bool = False,
+    cases: Iterable[Case], executor: Executor | None = None, *, plugins: bool = False
 ) -> Iterator[Result]:
     """The results of many motions, as they finish.
 
@@ -112,7 +105,6 @@ def batch(
     press Ctrl-C, to stop early.
 
     Args:
-        cases: Cases, or mappings of their fields.
         executor: Any executor of concurrent.futures, such as Dask's `client.get_executor()` or
             MPI's pool; None: one process for each processor.
         plugins: Whether cases may name plugins, which are executed.
@@ -172,16 +164,10 @@ def make_controller(
     )
 
 
-def _checked_jobs(cases: Iterable[Case | Mapping[str, Any]], plugins: bool) -> Iterator[_Job]:
+def _checked_jobs(cases: Iterable[Case], plugins: bool) -> Iterator[_Job]:
     """Jobs of cases; raises RedresError for one that cannot be run."""
-    names = [each.name for each in fields(Case)]
     checked: dict[str, tuple[Arm, WaypointTask | None]] = {}  # of cases that differ in seeds alone
-    for each in cases:
-        if not isinstance(each, Case):
-            for name in each:
-                if name not in names:
-                    raise UnknownNameError('field of a case', name, names)
-        case = each if isinstance(each, Case) else Case(**each)
+    for case in cases:
         if case.plugins and not plugins:
             raise RedresError(
                 f'a case has the plugin {case.plugins[0]}, which would be executed; allowed only '
@@ -224,16 +210,13 @@ def _result(case: Case, recording: Recording, model: RobotModel, task: WaypointT
     ends = task.waypoints[-1] - task.waypoints[0]
     is_closed = recording.finished and np.linalg.norm(ends) < _CLOSED
     q = recording.vectors('q1')
-    deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
     return Result(
         case,
         Effort.of(recording, model),
         duration=len(recording.data) * recording.T,
         time_lost=float(np.sum(1.0 - recording['task_scaling'])) * recording.T,
-        path_deviation=float(deviation.max()),
         closure=float(np.linalg.norm(q[-1] - q[0])) if is_closed else np.nan,
         min_singular_value=float(recording['min_singular_value'].min()),
-        min_task_scaling=float(recording['task_scaling'].min()),
     )
 
 
