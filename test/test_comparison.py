@@ -64,23 +64,14 @@ def test_the_table_marks_the_least_of_each_column(capsys):
     assert marks == {'low': 6, 'high': 1}
 
 
-@pytest.mark.parametrize(
-    ('peak', 'finished', 'said'),
-    [
-        (1.04, True, 'the law does not matter'),
-        (2.7, True, 'acceleration with b is 2.7 times that with a'),
-        (2.7, False, 'b: diverged'),
-    ],
-)
-def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak, finished, said, capsys):
+def test_a_violation_and_how_an_unfinished_motion_ended_are_shown(capsys):
     a = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 'a2 position, 1.00 s', True, 'reached')
-    b = replace(a, acceleration=peak, finished=finished, ending='diverged', violation='')
+    b = replace(a, finished=False, ending='diverged', violation='')
     print_tables(*comparison_tables({'a': a, 'b': b}, 'title'))
-    shown = ' '.join(capsys.readouterr().out.split())
-    assert said in shown
+    shown = capsys.readouterr().out
     assert 'no: a2 position, 1.00 s' in shown
+    assert 'b: diverged' in shown
     assert 'a: reached' not in shown
-    assert ('times' in shown) == (peak > 2.0 and finished)
 
 
 def still(ticks: int, T: float = 0.01) -> np.ndarray:

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import FileError
-from redres_ros.simulation.colours import law_colour, line_styles
-from redres_ros.simulation.plots import draw_motion, save
+from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.plots import draw_motion, draw_norms, save
 from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]
@@ -69,10 +69,14 @@ def test_a_task_with_orientations_shows_how_well_they_are_kept(
     assert np.asarray(curve.get_ydata()) == pytest.approx(2.0)
 
 
-def test_motions_under_one_law_share_its_colour_and_differ_in_their_lines() -> None:
-    styles = line_styles(['minimum_torque, k_d = 5 1/s', 'minimum_torque, k_d = 9 1/s'])
-    assert {style['color'] for style in styles.values()} == {law_colour('minimum_torque')}
-    assert len({style['ls'] for style in styles.values()}) == 2
+def test_motions_under_one_law_share_its_colour_and_differ_in_their_lines(
+    model: RobotModel,
+) -> None:
+    still = motion(T * np.arange(3), np.zeros(3), model)
+    names = ('minimum_torque, k_d = 5 1/s', 'minimum_torque, k_d = 9 1/s')
+    lines = draw_norms(dict.fromkeys(names, still), '').axes[0].lines
+    assert {line.get_color() for line in lines} == {law_colour('minimum_torque')}
+    assert len({line.get_linestyle() for line in lines}) == 2
 
 
 def test_a_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

@@ -199,13 +199,12 @@ class Demo:
     def _repeat(self, monitor: GraphMonitor, progress: Callable[[float], None]) -> None:
         """Repeat the task, each round from where the last one ended."""
         first = self._log.began
-
-        def done() -> float:
-            return (self._log.newest - first) / 1e9 / self.duration
-
-        while self._log.ending() == _FINISHED and done() < 1.0:
-            self._run_task(monitor, lambda _: progress(min(done(), 1.0)))
+        done = 0.0
+        while self._log.ending() == _FINISHED and done < 1.0:
+            self._run_task(monitor, lambda _: None)
             self._rounds += 1
+            done = (self._log.newest - first) / 1e9 / self.duration
+            progress(min(done, 1.0))
 
     def _stay(self, monitor: GraphMonitor, page: NodeProcess) -> None:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""

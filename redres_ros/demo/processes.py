@@ -35,24 +35,16 @@ class NodeProcess:
         self.name = name
         self._log = log
         module, *own = name.split() if '.' in name else ['nodes.entry', *name.split()]
-        arguments = []
+        command = [sys.executable, '-P', '-m', f'redres_ros.{module}', *own, '--ros-args']
         for key, value in parameters.items():
             # JSON is YAML whose texts are in quotes, whatever they look like or if they are empty.
-            arguments += ['-p', f'{key}:={json.dumps(value)}']
+            command += ['-p', f'{key}:={json.dumps(value)}']
         # The module comes from where this process has its own: Python would look in the working
         # directory first, and mix an installed package with a clone of it.
         path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    '-P',
-                    '-m',
-                    f'redres_ros.{module}',
-                    *own,
-                    '--ros-args',
-                    *arguments,
-                ],
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from redres_ros.fake_robot.profile import LWR_FRI1, Profile, Reflex
+from redres_ros.fake_robot.profile import Profile, Reflex
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.types import JointPositions, JointVelocities, Seconds
 
@@ -27,7 +27,7 @@ class CommandValidator:
     Every comparison asks whether a value is allowed, so NaN is not.
     """
 
-    def __init__(self, limits: JointLimits, period: Seconds, profile: Profile = LWR_FRI1) -> None:
+    def __init__(self, limits: JointLimits, period: Seconds, profile: Profile) -> None:
         self._limits = limits
         self._period = period
         self._profile = profile

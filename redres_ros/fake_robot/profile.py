@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from redres_ros.types import Radians, Seconds
@@ -54,13 +54,12 @@ class Profile:
     another state; other events change nothing.
     """
 
-    name: str
     transitions: Mapping[str, Mapping[Event, str]]
     commanding: str  # in which the arm follows its client
     qualities: tuple[str, str, str, str]  # names, the worst first
     entry: int  # the least quality with which command mode begins
     lowest: int  # the least quality with which it goes on
-    reflexes: Mapping[Reflex, str]  # what each cause of a stop is called
+    reflexes: Mapping[Reflex, str] = field(default_factory=lambda: _KUKA_NAMES)  # of stops
     bridged_misses: int = 5  # cycles in a row without a command that are extrapolated
     extrapolates_acceleration: bool = False  # and not only the velocity
 
@@ -76,19 +75,6 @@ class Profile:
         return self.transitions[state].get(event, state)
 
 
-LWR_FRI1 = Profile(
-    name='lwr_fri1',
-    transitions={
-        'MON': {Event.FIRST_COMMAND: 'CMD'},
-        'CMD': dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), 'MON'),
-    },
-    commanding='CMD',
-    qualities=('UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'),
-    entry=3,
-    lowest=1,
-    reflexes=_KUKA_NAMES,
-)
-
 _ANY_TIMING = (Event.POOR_TIMING, Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
 _GOOD_TIMING = (Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
 _CLOSED = {
@@ -96,64 +82,66 @@ _CLOSED = {
     **dict.fromkeys((Event.POOR_TIMING, Event.FAULT, Event.RESET), 'MONITORING_WAIT'),
 }
 
-SUNRISE = Profile(
-    name='sunrise',
-    transitions={
-        # Any command opens the session.
-        'IDLE': dict.fromkeys(_ANY_TIMING, 'MONITORING_WAIT'),
-        'MONITORING_WAIT': _CLOSED | dict.fromkeys(_GOOD_TIMING, 'MONITORING_READY'),
-        # The robot's program asks for commands.
-        'MONITORING_READY': _CLOSED | {Event.LONG_GOOD_TIMING: 'COMMANDING_WAIT'},
-        'COMMANDING_WAIT': _CLOSED | {Event.FIRST_COMMAND: 'COMMANDING_ACTIVE'},
-        'COMMANDING_ACTIVE': _CLOSED,
-    },
-    commanding='COMMANDING_ACTIVE',
-    qualities=('POOR', 'FAIR', 'GOOD', 'EXCELLENT'),
-    entry=2,
-    lowest=2,
-    reflexes=_KUKA_NAMES,
-)
-
-# The Franka Control Interface as a client of joint positions sees it. States and reflexes have
-# libfranka's names; those of qualities are ours. Franka's documentation of the interface has the
-# figures: with constant acceleration the robot bridges packets that are lost, the twentieth in a
-# row ends the motion, and the joints of FR3 have a jerk limit of 5000 rad/s^3, differences being
-# taken over 1 ms.
-FCI = Profile(
-    name='fci',
-    transitions={
-        'IDLE': {Event.FIRST_COMMAND: 'MOVE', Event.FAULT: 'REFLEX'},
-        'MOVE': {
-            Event.SILENCE: 'REFLEX',
-            Event.FAULT: 'REFLEX',
-            Event.RESET: 'IDLE',
+PROFILES = {
+    'lwr_fri1': Profile(
+        transitions={
+            'MON': {Event.FIRST_COMMAND: 'CMD'},
+            'CMD': dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), 'MON'),
         },
-        'REFLEX': {Event.RESET: 'AUTOMATIC_ERROR_RECOVERY'},
-        'AUTOMATIC_ERROR_RECOVERY': {
-            Event.FAULT: 'REFLEX',
-            **dict.fromkeys((Event.SILENCE, *_ANY_TIMING), 'IDLE'),
+        commanding='CMD',
+        qualities=('UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'),
+        entry=3,
+        lowest=1,
+    ),
+    'sunrise': Profile(
+        transitions={
+            # Any command opens the session.
+            'IDLE': dict.fromkeys(_ANY_TIMING, 'MONITORING_WAIT'),
+            'MONITORING_WAIT': _CLOSED | dict.fromkeys(_GOOD_TIMING, 'MONITORING_READY'),
+            # The robot's program asks for commands.
+            'MONITORING_READY': _CLOSED | {Event.LONG_GOOD_TIMING: 'COMMANDING_WAIT'},
+            'COMMANDING_WAIT': _CLOSED | {Event.FIRST_COMMAND: 'COMMANDING_ACTIVE'},
+            'COMMANDING_ACTIVE': _CLOSED,
         },
-    },
-    commanding='MOVE',
-    qualities=('INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'),
-    entry=2,
-    lowest=0,
-    reflexes={
-        Reflex.TIMING: 'communication_constraints_violation',
-        Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
-        Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
-        Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
-        Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
-        Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
-        Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
-    },
-    bridged_misses=19,
-    extrapolates_acceleration=True,
-    acceleration_window=1e-4,  # a single cycle
-    acceleration_tolerance=0.0,
-    position_margin=0.0,
-    velocity_stops=True,
-    jerk_limit=5000.0,
-)
-
-PROFILES = {profile.name: profile for profile in (LWR_FRI1, SUNRISE, FCI)}
+        commanding='COMMANDING_ACTIVE',
+        qualities=('POOR', 'FAIR', 'GOOD', 'EXCELLENT'),
+        entry=2,
+        lowest=2,
+    ),
+    # The Franka Control Interface as a client of joint positions sees it. States and reflexes have
+    # libfranka's names; those of qualities are ours. Franka's documentation of the interface has
+    # the figures: with constant acceleration the robot bridges packets that are lost, the twentieth
+    # in a row ends the motion, and the joints of FR3 have a jerk limit of 5000 rad/s^3, differences
+    # being taken over 1 ms.
+    'fci': Profile(
+        transitions={
+            'IDLE': {Event.FIRST_COMMAND: 'MOVE', Event.FAULT: 'REFLEX'},
+            'MOVE': {Event.SILENCE: 'REFLEX', Event.FAULT: 'REFLEX', Event.RESET: 'IDLE'},
+            'REFLEX': {Event.RESET: 'AUTOMATIC_ERROR_RECOVERY'},
+            'AUTOMATIC_ERROR_RECOVERY': {
+                Event.FAULT: 'REFLEX',
+                **dict.fromkeys((Event.SILENCE, *_ANY_TIMING), 'IDLE'),
+            },
+        },
+        commanding='MOVE',
+        qualities=('INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'),
+        entry=2,
+        lowest=0,
+        reflexes={
+            Reflex.TIMING: 'communication_constraints_violation',
+            Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
+            Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
+            Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
+            Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
+        },
+        bridged_misses=19,
+        extrapolates_acceleration=True,
+        acceleration_window=1e-4,  # a single cycle
+        acceleration_tolerance=0.0,
+        position_margin=0.0,
+        velocity_stops=True,
+        jerk_limit=5000.0,
+    ),
+}

@@ -5,7 +5,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from redres_ros.errors import RedresError
-from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event, Reflex
+from redres_ros.fake_robot.profile import PROFILES, Event, Reflex
 from redres_ros.fake_robot.timing import TimingMonitor
 from redres_ros.parameter import check_parameters, param
 from redres_ros.types import Cycles, Radians, Seconds
@@ -26,7 +26,7 @@ class SessionSettings:
     """When command mode begins and when it ends. KUKA's figures are not public: these are ours."""
 
     profile: str = param(
-        LWR_FRI1.name,
+        'lwr_fri1',
         "kind of session: the LWR's FRI, that of Sunrise, or Franka's control interface",
         choices=tuple(PROFILES),
     )

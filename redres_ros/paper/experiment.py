@@ -15,7 +15,7 @@ from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.closed_loop import Client, run
+from redres_ros.simulation.closed_loop import Client, IdealArm, run
 from redres_ros.simulation.recording import Recording
 from redres_ros.types import JointPositions
 
@@ -167,7 +167,7 @@ def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
     return differentiate(q, T).dq
 
 
-class _Arm:
+class _Arm(IdealArm):
     """The fake robot as the arm of a loop, in command mode, and a record of its positions."""
 
     def __init__(self, robot: FakeRobot, late: float, seed: int) -> None:

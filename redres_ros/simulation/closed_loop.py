@@ -31,25 +31,16 @@ class Client(Protocol):
         """The command at a tick. Raises DivergedError for a joint speed above SPEED_LIMIT."""
 
 
-class CommandedArm(Protocol):
-    """An arm that is commanded."""
+class IdealArm:
+    """Follows every reference exactly: q_{k+1} = q_k + T dq_k; the base of arms that do not."""
 
-    q: JointPositions  # measured
-    stop_reason: str  # why it takes no commands any more; empty while it does
+    stop_reason = ''  # why it takes no commands any more; empty while it does
+
+    def __init__(self, q: JointPositions) -> None:
+        self.q = q  # measured
 
     def step(self, q_ref: JointPositions) -> None:
         """One cycle with the reference that was computed from `q`."""
-
-
-class _IdealArm(CommandedArm):
-    """Follows every reference exactly: q_{k+1} = q_k + T dq_k."""
-
-    stop_reason = ''
-
-    def __init__(self, q: JointPositions) -> None:
-        self.q = q
-
-    def step(self, q_ref: JointPositions) -> None:
         self.q = q_ref
 
 
@@ -58,7 +49,7 @@ def run(
     task: WaypointTask,
     *,
     source: Planner | None = None,
-    plant: CommandedArm | None = None,
+    plant: IdealArm | None = None,
     ahead: float = 0.0,
     greedy: bool = True,
     progress: Callable[[float], None] | None = None,
@@ -81,7 +72,7 @@ def run(
         progress: Called with the fraction of the nominal duration that is over.
     """
     source = source or Planner(task)
-    plant = plant or _IdealArm(task.start)
+    plant = plant or IdealArm(task.start)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     is_pose = controller.m == 6

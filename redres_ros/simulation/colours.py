@@ -1,9 +1,6 @@
 """One colour for each law and one axis for each figure, in plots and on the live page."""
 
-from collections import defaultdict
-from collections.abc import Iterator
-from itertools import cycle
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 
 class FigureAxis(NamedTuple):
@@ -41,7 +38,6 @@ _LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits
     'minimum_torque': '#56b4e9',
 }
 _OTHER_LAW = '#525252'  # of plugins
-_LINE_STYLES = ('-', '--', ':', '-.')  # of several motions under one law
 
 
 def law_colour(name: str) -> str:
@@ -49,13 +45,3 @@ def law_colour(name: str) -> str:
     makes no difference.
     """
     return _LAW_COLOURS.get(name.partition(',')[0], _OTHER_LAW)
-
-
-def line_styles(names: list[str]) -> dict[str, dict[str, Any]]:
-    """Colour and line style of motions by their names, for `Axes.plot`. The names are as law_colour
-    takes them; several of one law differ in their lines.
-    """
-    lines: dict[str, Iterator[str]] = defaultdict(lambda: cycle(_LINE_STYLES))
-    return {
-        name: {'color': law_colour(name), 'ls': next(lines[law_colour(name)])} for name in names
-    }

@@ -4,6 +4,7 @@ files, without a display.
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.colours import law_colour, line_styles
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 
 NORMS = {
@@ -39,6 +40,7 @@ _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not s
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _MOST_POINTS = 2000  # of a curve
+_LINE_STYLES = ('-', '--', ':', '-.')  # of several motions
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -88,10 +90,10 @@ def draw_norms(recordings: Mapping[str, Recording], title: str) -> Figure:
     """The norms of motions over time, by their labels, one panel a norm; and the task scaling."""
     figures = {**NORMS, 'task_scaling': 'task scaling $s$'}
     figure, axes = time_panels(len(figures), title, (11.0, 11.0))
-    styles = line_styles(list(recordings))
     for ax, (norm, quantity) in zip(axes, figures.items(), strict=True):
-        for name, recording in recordings.items():
-            ax.plot(recording['t'], recording[norm], label=_in_symbols(name), **styles[name])
+        for (name, recording), style in zip(recordings.items(), cycle(_LINE_STYLES), strict=False):
+            label = _in_symbols(name)
+            ax.plot(recording['t'], recording[norm], label=label, color=law_colour(name), ls=style)
         ax.set_ylabel(quantity, fontsize='small')
         peaks = [recording.peak(norm)[0] for recording in recordings.values()]
         if max(peaks) > _WIDE * np.median(peaks):

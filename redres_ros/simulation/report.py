@@ -15,8 +15,6 @@ from redres_ros.simulation.recording import Effort, Recording
 
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
 
-_ALIKE = 1.05  # ratio of two peaks of acceleration that hardly differ
-
 _PEAKS = {  # norms, also figures of Effort, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
     'velocity': 'max |dq| [rad/s]',
@@ -30,7 +28,7 @@ _WHOLE = {  # other figures of Effort, and their heads
 }
 
 
-def table(
+def _table(
     heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = '', note: str = ''
 ) -> Table:
     """A table whose first column is text and whose others are figures, aligned to the right."""
@@ -112,7 +110,7 @@ def peak_table(name: str, recording: Recording) -> Table:
             *(f'{value:.5g} at {t:5.2f} s' for value, t in peaks),
             f'{1e3 * recording["task_error"][-1]:.4f}',
         ]
-    return table(('law', 'end [s]', *_PEAKS.values(), 'last error [mm]'), [row])
+    return _table(('law', 'end [s]', *_PEAKS.values(), 'last error [mm]'), [row])
 
 
 def comparison_tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
@@ -125,10 +123,10 @@ def comparison_tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table,
         worst.append([law, *(marked[name][law] for name in _PEAKS), within])
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
-    notes = ['* least', *_conclusion(efforts), *unfinished]
+    notes = ['* least', *unfinished]
     return (
-        table(['law', *_PEAKS.values(), 'within the limits?'], worst, title=title),
-        table(['law', *_WHOLE.values()], whole, note='\n'.join(notes)),
+        _table(['law', *_PEAKS.values(), 'within the limits?'], worst, title=title),
+        _table(['law', *_WHOLE.values()], whole, note='\n'.join(notes)),
     )
 
 
@@ -138,19 +136,3 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
     shown = {law: f'{value:.4g}' for law, value in values.items()}
     least = shown[min(values, key=values.__getitem__)]
     return {law: f'{text}{"*" if text == least else " "}' for law, text in shown.items()}
-
-
-def _conclusion(efforts: Mapping[str, Effort]) -> list[str]:
-    """The conclusion of a comparison, in a line; none if fewer than two laws arrived."""
-    peaks = {law: effort.acceleration for law, effort in efforts.items() if effort.finished}
-    if len(peaks) < 2:
-        return []
-    best = min(peaks, key=peaks.__getitem__)
-    worst = max(peaks, key=peaks.__getitem__)
-    ratio = peaks[worst] / peaks[best]
-    if ratio < _ALIKE:
-        return [
-            'The peaks of acceleration hardly differ: on this task the law does not matter. '
-            'It may where a path passes a singularity in motion.'
-        ]
-    return [f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.']
