@@ -13,8 +13,7 @@ import numpy as np
 
 from redres_ros.demo.observation import Log, count_cycles, replay
 from redres_ros.demo.outcome import Outcome, motion_values
-from redres_ros.demo.processes import NodeProcess
-from redres_ros.errors import RedresError
+from redres_ros.demo.processes import GraphError, NodeProcess
 from redres_ros.files.processes import handled
 from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import GraphMonitor
@@ -43,10 +42,6 @@ _RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
 _CLOCK_PATIENCE = 5.0
 _PAGE = 'view.page'  # module that serves the page
 _ADDRESS = 'page: '  # how the line begins in which it reports its address
-
-
-class DemoError(RedresError):
-    """A run that could not begin, or failed."""
 
 
 @dataclass
@@ -92,7 +87,7 @@ class Demo:
         """Run from the start of the processes to their end; Ctrl-C ends it early. `progress` is
         called with the fraction done, 0 to 1.
 
-        Raises DemoError, GraphError, CallError if a node does not run, respond, or take a command.
+        Raises GraphError, CallError if a node does not run, respond, or take a command.
         """
         try:
             with spun(lambda: GraphMonitor('demo', patience=_RESPONSE)) as monitor, self._running():
@@ -141,7 +136,7 @@ class Demo:
         while not self._is_ready(monitor):
             self._look(monitor)
             if time.monotonic() > until:
-                raise DemoError(
+                raise GraphError(
                     f'the robot took no commands within {START_PATIENCE:g} s; see {self.out}/*.log'
                 )
             time.sleep(_LOOK)
@@ -186,7 +181,7 @@ class Demo:
         refusal = ''
         while self._log.began == before and not monitor.word(REASON):
             if time.monotonic() > until:
-                raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s{refusal}')
+                raise GraphError(f'the planner did not begin within {START_PATIENCE:g} s{refusal}')
             if not is_granted:
                 try:
                     monitor.client.trigger('planner/start')
@@ -213,22 +208,26 @@ class Demo:
             # Load the plotting libraries now, not after Ctrl-C.
             import_module('redres_ros.simulation.plots')
             while page.status() is None:
-                self._look(monitor)
+                self._check_processes()
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
             return
 
     def _look(self, monitor: GraphMonitor) -> None:
-        """Take what has come. Raises DemoError, GraphError if the run cannot go on."""
-        for node in self._nodes:
-            node.check()
+        """Take what has come. Raises GraphError if the run cannot go on."""
+        self._check_processes()
         before = self._log.newest
         self._log.collect(monitor.samples)
         now = time.monotonic()
         if not before or self._log.newest != before:
             self._newest_at = now
         if now - self._newest_at > _SILENCE:
-            raise DemoError(f'no state from the robot for {_SILENCE:g} s; see {self.out}/*.log')
+            raise GraphError(f'no state from the robot for {_SILENCE:g} s; see {self.out}/*.log')
+
+    def _check_processes(self) -> None:
+        """Report the page's address, once. Raises GraphError if a process has ended."""
+        for node in self._nodes:
+            node.check()
         if self._page and self._page.status():
             self._page.check()
         if self._page and not self._page_address:

@@ -17,7 +17,13 @@ from redres_ros.geometry import from_quaternion
 from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
-from redres_ros.nodes.conversions import JointMapper, deserialised, stamp_of, to_nanoseconds
+from redres_ros.nodes.conversions import (
+    JointMapper,
+    deserialised,
+    from_wrench,
+    stamp_of,
+    to_nanoseconds,
+)
 from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import UNDER_WAY, TaskState
@@ -33,11 +39,23 @@ SEGMENT = 'planner/segment'
 LAW = 'controller/law'
 SCALING = 'controller/task_scaling'
 
-_STAMPED = {
-    STATES: JointState,
-    COMMANDS: JointState,
-    DESIRED: PoseStamped,
-    FORCES: WrenchStamped,
+
+def _to_command(message: JointState, joints: JointMapper) -> tuple[np.ndarray, np.ndarray]:
+    return joints.in_order(message, 'position'), joints.in_order(message, 'velocity')
+
+
+def _to_pose(message: PoseStamped, _: JointMapper) -> np.ndarray:
+    x = message.pose.position
+    turn = message.pose.orientation
+    return np.array((x.x, x.y, x.z, turn.x, turn.y, turn.z, turn.w))
+
+
+# With what is kept of a message.
+_STAMPED: dict[str, tuple[type, Callable[[Any, JointMapper], Any]]] = {
+    STATES: (JointState, lambda message, joints: joints.in_order(message, 'position')),
+    COMMANDS: (JointState, _to_command),
+    DESIRED: (PoseStamped, _to_pose),
+    FORCES: (WrenchStamped, lambda message, _: from_wrench(message.wrench)[:3]),
 }
 # Without stamps; what the node publishes in the same callback, and before it, gives them one.
 _UNSTAMPED: dict[str, tuple[type, str]] = {
@@ -69,17 +87,14 @@ class Log:
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
-        self.states: dict[int, np.ndarray] = {}
-        self.commands: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        self.desired: dict[int, np.ndarray] = {}
-        self.forces: dict[int, np.ndarray] = {}
+        self._kept: dict[str, dict[int, Any]] = {topic: {} for topic in _STAMPED}
+        self.states, self.commands, self.desired, self.forces = self._kept.values()
         self.sent: dict[str, dict[int, int]] = {topic: {} for topic in _STAMPED}
         self.newest = 0
         self.began = 0
         self._began_at = 0  # when that was published [ns]
-        unstamped = {topic: kind for topic, (kind, _) in _UNSTAMPED.items()}
-        self._topics: dict[str, type] = {TASK_BEGUN: Time, **_STAMPED, **unstamped}
-        self._is_closed = False
+        topics = {**_STAMPED, **_UNSTAMPED}.items()
+        self._topics: dict[str, type] = {TASK_BEGUN: Time} | {name: of[0] for name, of in topics}
         self._joints = JointMapper(joint_names)
         self._changes: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in _UNSTAMPED}
         self._last_data: dict[str, bytes] = {}  # of topics without stamps
@@ -92,11 +107,9 @@ class Log:
                 self.enter(topic, sample)
 
     def close(self, samples: Sampler) -> None:
-        """Enter no more messages; of the states, the newest stamp is still followed."""
-        for topic in self._topics.keys() - {STATES}:
+        """Unsubscribe: messages on demand cost the nodes time."""
+        for topic in self._topics:
             samples.remove(topic)
-        self._topics = {STATES: JointState}
-        self._is_closed = True
 
     def enter(self, topic: str, sample: Sample) -> None:
         """Enter a message; of those without a stamp, the changes."""
@@ -107,28 +120,13 @@ class Log:
             stamp = stamp_of(sample.data)
             if topic == STATES:
                 self.newest = stamp
-            if not self._is_closed:
-                # A robot that waits repeats a state.
-                self.sent[topic].setdefault(stamp, sample.sent)
-                self._enter_stamped(topic, stamp, deserialised(sample.data, _STAMPED[topic]))
+            self.sent[topic].setdefault(stamp, sample.sent)  # a robot that waits repeats a state
+            kind, kept = _STAMPED[topic]
+            self._kept[topic][stamp] = kept(deserialised(sample.data, kind), self._joints)
         elif self._last_data.get(topic) != sample.data:
             self._last_data[topic] = sample.data
             value = deserialised(sample.data, self._topics[topic]).data
             self._changes[topic].append((sample.sent, value))
-
-    def _enter_stamped(self, topic: str, stamp: int, message: Any) -> None:
-        if topic == STATES:
-            self.states[stamp] = self._joints.in_order(message, 'position')
-        elif topic == COMMANDS:
-            velocities = self._joints.in_order(message, 'velocity')
-            self.commands[stamp] = (self._joints.in_order(message, 'position'), velocities)
-        elif topic == DESIRED:
-            x = message.pose.position
-            turn = message.pose.orientation
-            self.desired[stamp] = np.array((x.x, x.y, x.z, turn.x, turn.y, turn.z, turn.w))
-        else:
-            force = message.wrench.force
-            self.forces[stamp] = np.array((force.x, force.y, force.z))
 
     def words(self, topic: str) -> tuple[str, ...]:
         """What was published on a topic of text, in order."""

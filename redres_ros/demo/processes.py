@@ -16,7 +16,7 @@ _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
 
 class GraphError(RedresError):
-    """A node that ended on its own."""
+    """A node that has ended, or a graph that does not do what it was asked for."""
 
 
 class NodeProcess:
