@@ -114,7 +114,6 @@ class Session:
     def stop(self, reason: str) -> None:
         """End command mode. The first reason is kept: what follows from it is not the cause."""
         self.reason = self.reason or reason
-        self._good_cycles = 0
         self._take(Event.FAULT)
 
     def reset(self) -> None:
