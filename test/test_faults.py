@@ -1,8 +1,8 @@
-"""Faults: what a network does to messages, what encoders show, what a push and a pause do; and the
-robot under them.
+"""Faults: what a network does to messages, what sensors show, what a push does; and the robot under
+them.
 """
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -11,11 +11,11 @@ from fake_robot_helpers import Q0, Connection
 from hypothesis import given
 from hypothesis import strategies as st
 
-from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.fake_robot.faults import Faults, Link, NetworkModel
 from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
-from redres_ros.fake_robot.session import Refusal, SessionSettings
+from redres_ros.fake_robot.session import SessionSettings
 from redres_ros.parameter import parameters
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -39,68 +39,45 @@ def transmit(network: NetworkModel[int], messages: int, rest: int = 100) -> list
     return arrived
 
 
-FRACTIONS = st.floats(0.0, 1.0)
-LINKS = st.builds(
-    Link, delay=st.integers(0, 5), loss=FRACTIONS, duplication=FRACTIONS, reordering=FRACTIONS
-)
-
-
 @pytest.mark.parametrize('delay', [0, 7])
 def test_a_delay_is_that_of_every_message(delay):
     network = NetworkModel(link=Link(delay=delay))
     assert transmit(network, 1000) == [(k + delay, k) for k in range(1000)]
 
 
-@pytest.mark.parametrize('loss', [0.02, 0.3, 0.9])
-def test_losses_have_the_fraction_that_was_asked_for(loss):
-    arrived = transmit(NetworkModel(2, Link(loss=loss)), MANY)
-    deviation = np.sqrt(loss * (1.0 - loss) * MANY)
-    assert MANY - len(arrived) == pytest.approx(loss * MANY, abs=4.0 * deviation)
+def test_losses_have_the_fraction_that_was_asked_for():
+    arrived = transmit(NetworkModel(2, Link(loss=0.3)), MANY)
+    deviation = np.sqrt(0.3 * 0.7 * MANY)
+    assert MANY - len(arrived) == pytest.approx(0.3 * MANY, abs=4.0 * deviation)
 
 
-def test_a_doubled_message_arrives_twice_in_a_row():
-    arrived = transmit(NetworkModel(4, Link(duplication=0.25)), MANY)
-    times = [len(list(group)) for _, group in groupby(arrived)]
-    assert len(times) == MANY
-    assert set(times) == {1, 2}
-    assert times.count(2) == pytest.approx(MANY / 4, abs=4.0 * np.sqrt(MANY * 3 / 16))
-
-
-def test_a_reordered_message_arrives_with_the_next_and_after_it():
-    arrived = transmit(NetworkModel(5, Link(reordering=0.2)), MANY)
-    order = [message for _, message in arrived]
-    overtaken = [k for k, (first, second) in enumerate(pairwise(order)) if first > second]
-    assert all(
-        order[k] == order[k + 1] + 1 and arrived[k][0] == arrived[k + 1][0] for k in overtaken
-    )
+def test_in_disorder_messages_arrive_twice_and_right_after_the_next():
+    arrived = transmit(NetworkModel(4, Link(disorder=0.2)), MANY)
+    order = [message for message, _ in groupby(message for _, message in arrived)]
     # The last one may wait for another for ever.
     assert sorted(order) in (list(range(MANY)), list(range(MANY - 1)))
+    doubled = len(arrived) - len(order)
+    assert doubled == pytest.approx(MANY / 5, abs=4.0 * np.sqrt(MANY * 4 / 25))
+    at = dict(map(reversed, arrived))  # tick of arrival
+    overtaken = [first for second, first in pairwise(order) if first < second]
+    assert all(at[message] == at[message + 1] == message + 1 for message in overtaken)
     # A message that overtakes is not overtaken itself.
     assert len(overtaken) == pytest.approx(MANY * 0.2 / 1.2, abs=4.0 * np.sqrt(MANY * 0.2))
 
 
+LINKS = st.builds(
+    Link, delay=st.integers(0, 5), loss=st.floats(0.0, 1.0), disorder=st.floats(0.0, 1.0)
+)
+
+
 @given(LINKS, st.integers(0, 2**32))
-def test_the_same_seed_does_the_same_and_nothing_arrives_unsent_or_too_early_or_too_late(
-    link, seed
-):
+def test_the_same_seed_does_the_same_and_loses_the_same_whatever_else_is_at_fault(link, seed):
     arrived = transmit(NetworkModel(seed, link), 100)
     assert arrived == transmit(NetworkModel(seed, link), 100)
-    for tick, message in arrived:
-        assert tick - message >= link.delay
-        assert tick - message == link.delay or link.reordering
-    counts = [sum(message == k for _, message in arrived) for k in range(100)]
-    assert max(counts) <= (2 if link.duplication else 1)
-    assert min(counts) == 1 or link.loss or link.reordering
-
-
-@given(LINKS, LINKS, st.integers(0, 99))
-def test_setting_one_fault_does_not_change_when_messages_are_lost(link, other, seed):
-    lossy = replace(other, loss=link.loss, reordering=0.0)
-    arrived = [
-        {message for _, message in transmit(NetworkModel(seed, each), 100)}
-        for each in (lossy, Link(loss=link.loss))
-    ]
-    assert arrived[0] == arrived[1]
+    assert all(tick - message >= link.delay for tick, message in arrived)
+    kept = {message for _, message in transmit(NetworkModel(seed, Link(loss=link.loss)), 100)}
+    missing = kept - {message for _, message in arrived}
+    assert missing in (set(), {max(kept, default=0)})  # the last may wait for another for ever
 
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -110,25 +87,16 @@ def test_every_fault_is_a_live_parameter():
     declared = parameters(Faults)
     assert {f.name for f in fields(Faults)} - {f.name for f in declared} == {'encoder_step'}
     assert all(parameter.live for parameter in declared.values())
-    assert len(declared) <= 12
 
 
 def test_states_and_commands_have_links_of_their_own():
     faults = Faults(state_delay=1, state_loss=0.2, disorder=0.3, command_delay=4, command_loss=0.5)
-    assert faults.states == Link(1, 0.2, 0.3, 0.3)
-    assert faults.commands == Link(4, 0.5, 0.3, 0.3)
+    assert faults.states == Link(1, 0.2, 0.3)
+    assert faults.commands == Link(4, 0.5, 0.3)
 
 
 @pytest.mark.parametrize(
-    ('wrong', 'error'),
-    [
-        ({'state_loss': 1.1}, RangeError),
-        ({'command_delay': -1}, RangeError),
-        ({'encoder_noise': np.nan}, RangeError),
-        ({'push_force': (0.0, 0.0, 501.0)}, RangeError),
-        ({'push_force': (1.0,)}, ArrayError),
-        ({'wrench_fault': 'broken'}, UnknownNameError),
-    ],
+    ('wrong', 'error'), [({'state_loss': 1.1}, RangeError), ({'push_force': (1.0,)}, ArrayError)]
 )
 def test_faults_that_cannot_be_are_refused_by_name(wrong, error):
     with pytest.raises(error, match=next(iter(wrong))):
@@ -160,10 +128,9 @@ def measured(plant: FaultyPlant, cycles: int) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize('make', [ideal, mujoco])
-def test_without_faults_it_is_the_plant_bit_for_bit(make):
-    faulty = make()
-    plant = make().true
+def test_without_faults_it_is_the_plant_bit_for_bit():
+    faulty = mujoco()
+    plant = mujoco().true
     for k in range(200):
         assert (faulty.q == plant.q).all()
         assert (faulty.dq == plant.dq).all()
@@ -193,27 +160,6 @@ def test_noise_has_its_deviation_and_is_not_that_of_the_arm():
     assert (plant.q == reference(2001)).all()
 
 
-@pytest.mark.parametrize('joint', [1, 7])
-@pytest.mark.parametrize('make', [ideal, mujoco])
-def test_the_encoder_of_a_frozen_joint_stands_still_and_the_joint_moves_on(make, joint):
-    plant = make()
-    healthy = make()
-    before = measured(plant, 100)[-1]
-    measured(healthy, 100)
-    plant.faults = Faults(frozen_joint=joint)
-    others = np.arange(7) != joint - 1
-    for k in range(101, 300):
-        plant.step(reference(k))
-        healthy.step(reference(k))
-        assert plant.q[joint - 1] == before[joint - 1]
-        assert plant.dq[joint - 1] == 0.0
-        assert (plant.q[others] == healthy.q[others]).all()
-    plant.faults = Faults()
-    plant.step(reference(300))
-    healthy.step(reference(300))
-    assert (plant.q == healthy.q).all()
-
-
 def test_velocities_of_encoders_at_fault_are_differences_of_their_positions():
     plant = mujoco(encoder_noise=1e-5, encoder_step=1e-4)
     for k in range(100):
@@ -222,17 +168,9 @@ def test_velocities_of_encoders_at_fault_are_differences_of_their_positions():
         assert plant.dq == pytest.approx((plant.q - before) / T, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ('wrong', 'words'),
-    [
-        (Faults(frozen_joint=8, encoder_noise=0.1), r'frozen_joint is 8; allowed: 0 to 7'),
-        (Faults(push_link='link_9'), 'link_9'),
-    ],
-)
-def test_a_joint_or_link_that_the_arm_does_not_have_is_refused(wrong, words):
-    plant = mujoco()
-    with pytest.raises(RedresError, match=words):
-        plant.check(wrong)
+def test_a_link_that_the_arm_does_not_have_is_refused():
+    with pytest.raises(UnknownNameError, match='link_9'):
+        mujoco(push_link='link_9')
 
 
 def test_a_push_moves_the_arm_against_its_servos_until_it_ends():
@@ -250,7 +188,7 @@ def test_a_push_moves_the_arm_against_its_servos_until_it_ends():
     assert plant.q == pytest.approx(Q0, abs=1e-9)
 
 
-def test_a_force_sensor_has_noise_a_bias_and_a_range_and_may_fail():
+def test_a_force_sensor_may_have_a_bias_and_may_fail():
     plant = mujoco(push_force=(12.0, 0.0, 0.0))
     plant.step(Q0)
     true = plant.wrench
@@ -261,29 +199,8 @@ def test_a_force_sensor_has_noise_a_bias_and_a_range_and_may_fail():
         return plant.wrench
 
     assert shown('bias') == pytest.approx(true + 5.0 * np.eye(6)[2], abs=1e-12)
-    assert (shown('saturated') == np.clip(true, -10.0, 10.0)).all()
-    assert np.abs(true).max() > 10.0
     assert np.isnan(shown('not_finite')).all()
     assert shown('lost') is None
-    errors = np.array([shown('noise') - true for _ in range(1000)])
-    # four standard errors of the mean and of the deviation of 1000
-    assert errors.mean(axis=0) == pytest.approx(np.zeros(6), abs=0.13)
-    assert errors.std(axis=0) == pytest.approx(np.repeat((1.0, 0.1), 3), rel=0.09)
-
-
-@pytest.mark.parametrize('make', [ideal, mujoco])
-def test_paused_physics_leave_the_arm_where_it_is_and_then_let_it_go_on(make):
-    plant = make()
-    stands = measured(plant, 100)[-1]
-    plant.faults = Faults(paused_physics=True)
-    for k in range(101, 200):
-        plant.step(reference(k))
-        assert (plant.q == stands).all()
-        assert not plant.dq.any()
-    plant.faults = Faults()
-    for _ in range(500):
-        plant.step(reference(200))
-    assert plant.q == pytest.approx(reference(200), abs=1e-6)
 
 
 # --- the robot under faults -----------------------------------------------------------------------
@@ -337,7 +254,7 @@ class Loop:
 def test_a_few_lost_states_and_commands_are_bridged(profile):
     loop = Loop(Faults(state_loss=0.015, command_loss=0.015), profile).run(5000)
     assert (loop.session.commanding, loop.session.reason) == (True, '')
-    assert loop.session.timing.counts.bridged > 50
+    assert loop.session.timing.counts['bridged'] > 50
     assert (np.abs(np.diff(loop.references, 2, axis=0)) <= LIMITS.acceleration * T * T).all()
 
 
@@ -370,14 +287,8 @@ def test_a_fault_that_sets_in_stops_the_arm_gently_and_reports_why_and_reset_rec
     assert loop.run(400).session.commanding
 
 
-def test_reordered_commands_are_refused_as_such_and_counted():
+def test_of_states_and_commands_in_disorder_some_are_refused_and_none_does_harm():
     loop = Loop(Faults(disorder=0.02)).run(5000)
-    assert loop.session.refusals[Refusal.OUT_OF_ORDER] > 0
-    assert loop.session.timing.counts.refused == loop.session.refusals[Refusal.OUT_OF_ORDER]
-
-
-def test_doubled_states_and_commands_do_no_harm():
-    doubled = Loop()
-    doubled.states.link = Link(duplication=0.5)
-    doubled.connection.receiver.network.link = Link(duplication=0.5)
-    assert np.array_equal(doubled.run(2000).references, Loop().run(2000).references)
+    assert loop.session.refusals.keys() == {'out of order'}
+    assert (loop.session.commanding, loop.session.reason) == (True, '')
+    assert (np.abs(np.diff(loop.references, 2, axis=0)) <= LIMITS.acceleration * T * T).all()
