@@ -69,7 +69,7 @@ WRONG_CONTENT = {
     'too few': (NAMES, np.zeros(6), 'wrong length'),
     'a matrix': (NAMES, np.zeros((7, 1)), 'wrong length'),
     'another joint': ((*NAMES[:6], 'gripper'), Q0, 'wrong joint names'),
-    'a joint twice': ((*NAMES[:6], NAMES[0]), Q0, 'wrong joint names'),
+    'a joint twice': ((*NAMES, NAMES[0]), np.zeros(8), 'wrong joint names'),
     'without names': ((), Q0, 'wrong joint names'),
 }
 
