@@ -57,7 +57,9 @@ def write_film(
     times = np.arange(0.0, end + LAST, 1.0 / RATE)
     arms = []
     for motion in motions:
-        ticks = motion.recording.rows_at(times)
+        ticks = np.minimum(
+            np.searchsorted(motion.recording['t'], times), len(motion.recording.data) - 1
+        )
         arms.append(render(model.arm, Film.of(motion.recording, model, task, ticks)))
     images = [scaled(picture) for picture in pictures(motions, arms, times, norm)]
     images[0].save(

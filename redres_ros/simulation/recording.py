@@ -91,11 +91,6 @@ class Recording:
         start = self.columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
-    def rows_at(self, times: np.ndarray) -> np.ndarray:
-        """Indices of the rows at some times (N,) [s], the last one for all later times, (N,)."""
-        rows: np.ndarray = np.minimum(np.searchsorted(self['t'], times), len(self.data) - 1)
-        return rows
-
     def peak(self, name: str) -> tuple[float, float]:
         """Largest value of a column and the time [s] at which it occurs."""
         at = int(np.argmax(self[name]))
