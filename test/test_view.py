@@ -32,7 +32,6 @@ from redres_ros.nodes.controller_telemetry import (
     Figures,
     MotionTelemetry,
     from_message,
-    to_message,
 )
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
@@ -178,7 +177,7 @@ def motion() -> SimpleNamespace:
 
 
 def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
-    message = to_message(Figures(*range(7)), np.arange(2.0))
+    message = Float64MultiArray(data=[*range(7), *np.arange(2.0)])
     figures, q = from_message(message, 2)
     assert (figures, q.tolist()) == (Figures(*range(7)), [0.0, 1.0])
     with pytest.raises(ArrayError, match='9 numbers; expected 14'):
@@ -248,7 +247,7 @@ def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
 
         state = to_joint_state(5, motion.model.joint_names, moved, np.zeros(motion.model.n))
         await_that(lambda: arrived(states, state, moved), 'the state')
-        snapshot = to_message(Figures(*range(7)), q)
+        snapshot = Float64MultiArray(data=[*range(7), *q])
         await_that(lambda: arrived(snapshots, snapshot, q), 'the snapshot')
         await_that(lambda: arrived(states, state, moved), 'the state after the snapshot')
         monitor.destroy_node()

@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 
 from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.controller import INTEGRATE_FROM, Controller
-from redres_ros.errors import RedresError, one_line
+from redres_ros.errors import RedresError
 from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
@@ -221,24 +221,16 @@ class ControllerNode(ManagedNode):
         return (self._forwarding.error if self._forwarding else '') or self._loop.error
 
     def _on_session(self, message: String) -> None:
-        before = self._loop.commanding
         self._loop.enter_session(message.data)
-        if before and not self._loop.commanding and self._loop.responses:
-            word = one_line(message.data)
-            self.get_logger().warning(f'the robot takes no commands: its session is {word}')
-        elif not before and self._loop.commanding:
-            self.get_logger().info('the robot takes commands')
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._loop.hold(request.data)
-        response.success = request.data or self.active
-        if not response.success:
-            response.message = f'the controller is {self.life}; it moves the arm only while active'
-        elif request.data:
-            response.message = 'holding'
-        else:
-            response.message = self._loop.error or 'following task velocities'
-        return response
+        message = self._loop.error or 'following task velocities'
+        if request.data:
+            message = 'holding'
+        elif not self.active:
+            message = f'the controller is {self.life}; it moves the arm only while active'
+        return SetBool.Response(success=request.data or self.active, message=message)
 
     def _begin(self) -> None:
         self._loop.activate()

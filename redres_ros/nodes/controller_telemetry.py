@@ -58,11 +58,6 @@ class Figures(NamedTuple):
     task_scaling: float
 
 
-def to_message(figures: Figures, q: JointPositions) -> Float64MultiArray:
-    """A message with the figures in front of the measured positions."""
-    return Float64MultiArray(data=[*figures, *q.tolist()])
-
-
 def from_message(message: Float64MultiArray, n: int) -> tuple[Figures, JointPositions]:
     """Figures and measured positions of an arm with n joints from a message. Raises ArrayError for
     any other message, NaN or infinity.
@@ -125,9 +120,9 @@ class MotionTelemetry:
         values['joint_velocity_norm'] = self._speed
         values['joint_acceleration_norm'] = self._acceleration
         figures = Figures(response.stamp / NANOSECONDS, **values)
-        return to_message(figures, response.command.state.q)
+        return Float64MultiArray(data=[*figures, *response.command.state.q.tolist()])
 
     def _tip_pose(self, response: Response) -> PoseStamped:
-        """The measured pose of the tip."""
+        """The measured one."""
         x, R = response.command.state.model.tip(response.q)
         return to_pose(response.stamp, self._frame, x, R)

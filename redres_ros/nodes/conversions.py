@@ -108,24 +108,22 @@ def to_time(stamp: Nanoseconds) -> Time:
 class JointMapper:
     """Finds an arm's joints by name, in any order and among others: of a gripper, of another robot.
 
-    `report` is called once for each set of foreign joints, which are ignored.
+    `report` is called once, for the first foreign joints; all of them are ignored.
     """
 
     def __init__(self, names: Sequence[str], report: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
         self._report = report
-        self._reported: set[tuple[str, ...]] = set()
 
     def concerns(self, message: JointState) -> bool:
         """Whether a message names any of the arm's joints; one of another device need not."""
         names = tuple(message.name)
         if names == self.names:
             return True
-        foreign = tuple(name for name in names if name not in self.names)
-        if foreign and self._report and foreign not in self._reported:
-            self._reported.add(foreign)
-            listed = one_line(', '.join(foreign))
-            self._report(f'joint_states: ignoring {listed}, not of this arm')
+        foreign = [name for name in names if name not in self.names]
+        if foreign and self._report:
+            self._report(f'joint_states: ignoring {one_line(", ".join(foreign))}, not of this arm')
+            self._report = None
         return not names or len(foreign) < len(names)
 
     def in_order(self, message: JointState, field: str) -> np.ndarray:

@@ -10,13 +10,6 @@ from redres_ros.files.installation import not_installed
 
 _ROS = '--ros-args'
 _NO_SIM = '--no-sim'
-_PURPOSES = {
-    'composed': 'The nodes sim, controller and planner in one process; with --no-sim a robot is '
-    'in place of the sim.',
-    'controller': 'One joint_states message in, one joint_command out.',
-    'planner': "Streams a task's velocities, one cartesian_velocity for each joint_states.",
-    'sim': 'A fake robot controller with a simulated arm. It is the clock of the graph.',
-}
 _NODES = {  # modules and classes
     'composed': ['sim.SimNode', 'controller.ControllerNode', 'planner.PlannerNode'],
     'controller': ['controller.ControllerNode'],
@@ -77,11 +70,9 @@ def _run(nodes: list[str], arguments: list[str]) -> int:
 def _help(name: str) -> str:
     from redres_ros.files.installation import share_path
 
-    called = f'redres_{name} [{_NO_SIM}]' if name == 'composed' else f'redres_{name}'
+    no_sim = f' [{_NO_SIM}, beside a robot]' if name == 'composed' else ''
     return f"""\
-usage: {called} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
-
-{_PURPOSES[name]}
+usage: redres_{name}{no_sim} [{_ROS} [-p NAME:=VALUE] [--params-file FILE.yaml] [-r __ns:=/NAME]]
 
 The common parameters, with defaults and units: {share_path('config/redres.yaml')}
 What is allowed for one of a running node: ros2 param describe /{name} PARAMETER"""

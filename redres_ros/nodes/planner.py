@@ -217,9 +217,7 @@ class PlannerNode(ManagedNode):
         self._begin_goal(self._goals.task())
         home = '' if self._q is None else self._announced_home(self._q)
         duration = self._task.segments * self._task.segment_time  # [s]
-        if home:
-            return f'{home}, then begins; the task takes {duration:.3g} s'
-        return f'begins as soon as the robot takes commands; takes {duration:.3g} s'
+        return f'{home}begins as soon as the robot takes commands; takes {duration:.3g} s'
 
     def _go_home(self) -> str:
         """Move the joints to the start of the task; returns what will happen."""
@@ -232,9 +230,7 @@ class PlannerNode(ManagedNode):
     def _announced_home(self, q: JointPositions) -> str:
         """Describes the motion from q to the start of the task; empty at the start."""
         path = self._goals.path_home(q)
-        if path is None:
-            return ''
-        return f'the joints go to its start first, which takes {path.duration:.3g} s'
+        return f'the joints go to its start in {path.duration:.3g} s; ' if path else ''
 
     def _measured(self) -> JointPositions:
         """Where the joints are. Raises GoalError before the first state."""

@@ -3,7 +3,7 @@
 import signal
 from collections import ChainMap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -20,10 +20,9 @@ from redres_ros.nodes.parameters import (
     declare,
     declare_one,
     named,
-    with_changes,
 )
 from redres_ros.nodes.topics import LATCHED
-from redres_ros.parameter import Gain, Parameter, check_once, check_parameters, param
+from redres_ros.parameter import Gain, Parameter, param
 from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -51,6 +50,7 @@ _ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
 _NODES_OWN = {'acceleration.reach': END_OF_REACH}
 _NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
+_SEVERAL = ('limits', 'preferences', 'secondary_tasks')  # parameters that are lists of names
 
 
 def declare_robot(
@@ -126,14 +126,6 @@ class _PolicySettings:
         (NONE,), 'further tasks in order of priority', choices=ChainMap(_NONE, TASKS), live=True
     )
 
-    def __post_init__(self) -> None:
-        check_parameters(self)
-        for name in ('limits', 'preferences', 'secondary_tasks'):
-            words = getattr(self, name)
-            if NONE in words and words != (NONE,):
-                raise ParameterError(f'{name} are {list(words)}; expected names or {NONE}')
-            check_once(f'{name}:', words)
-
 
 class PolicyParameters:
     """The parameters of what a controller does in each tick, all of which can be set live."""
@@ -142,50 +134,51 @@ class PolicyParameters:
         self._model = model
         self._task = task
         self._T = T
-        self._settings = declare(node, _PolicySettings())
-        self._gains = {}
-        for key, gain in _all_gains().items():
+        self._values: dict[str, Any] = asdict(declare(node, _PolicySettings()))
+        self._gains = _all_gains()
+        for key, gain in self._gains.items():
             upper = 1.0 / T if key == 'damping' else gain.parameter.upper  # Appendix B
             parameter = replace(gain.parameter, upper=upper, live=True)
             default = _NODES_OWN.get(key, gain.default)
-            self._gains[key] = declare_one(node, key, default, parameter)
-        self.policy = self._made(self._settings, self._gains)
-        self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
+            self._values[key] = declare_one(node, key, default, parameter)
+        self.policy = self._made(self._values)
+        self._next = (self._values, self.policy)  # after a change that is allowed
 
     def check(self, changes: Mapping[str, Any]) -> None:
         """Make the policy after changes of parameters, for adopt(); those of others are ignored.
 
         Raises RedresError for a value that is not allowed, or that does not suit the arm.
         """
-        self._next = (self._settings, self._gains, self.policy)
-        settings = with_changes(self._settings, changes)
-        gains = {key: changes.get(key, value) for key, value in self._gains.items()}
-        if (settings, gains) != (self._settings, self._gains):
-            self._next = (settings, gains, self._made(settings, gains))
+        values = {name: changes.get(name, value) for name, value in self._values.items()}
+        is_same = values == self._values
+        self._next = (values, self.policy if is_same else self._made(values))
 
     def adopt(self) -> Policy:
         """Put the policy that was checked last in force."""
-        self._settings, self._gains, self.policy = self._next
+        self._values, self.policy = self._next
         return self.policy
 
     @property
     def problem(self) -> str:
         """Why walls are not kept; empty if they are, or if there are none."""
-        if not self._gains['scene.walls'] or 'workspace' in self._settings.limits:
+        if not self._values['scene.walls'] or 'workspace' in self._values['limits']:
             return ''
         return 'walls are set but not kept: add workspace to the parameter limits'
 
-    def _made(self, settings: _PolicySettings, gains: Mapping[str, Any]) -> Policy:
+    def _made(self, values: Mapping[str, Any]) -> Policy:
+        for name in _SEVERAL:
+            if NONE in values[name] and len(values[name]) > 1:
+                raise ParameterError(f'{name} are {list(values[name])}; expected names or {NONE}')
         policy = make_policy(
             self._model,
-            settings.law,
+            values['law'],
             task=self._task,
-            limits=named(settings.limits),
-            limit_scale=settings.limit_scale,
-            torque_scale=settings.torque_scale,
-            preferences=named(settings.preferences),
-            secondary_tasks=named(settings.secondary_tasks),
-            gains=gains,
+            limit_scale=values['limit_scale'],
+            torque_scale=values['torque_scale'],
+            limits=named(values['limits']),
+            preferences=named(values['preferences']),
+            secondary_tasks=named(values['secondary_tasks']),
+            gains={key: values[key] for key in self._gains},
         )
         policy.check(self._model, self._T)
         return policy

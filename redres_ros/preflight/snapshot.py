@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
@@ -15,7 +14,7 @@ from std_msgs.msg import String
 
 from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
-from redres_ros.graph.monitor import GraphMonitor, Sample
+from redres_ros.graph.monitor import GraphMonitor, NodeHealth, Sample
 from redres_ros.nodes.conversions import EncodingError, deserialised, to_nanoseconds
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
@@ -30,15 +29,8 @@ _FORWARDING = 'forward_position_controller'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
-_ASKED = (  # of the controller
-    'rate',
-    'robot',
-    'tip_frame',
-    'base_frame',
-    'robot_interface',
-    'limits',
-    'limit_scale',
-)
+# Parameters of the controller.
+_ASKED = ('rate', 'robot', 'tip_frame', 'base_frame', 'robot_interface', 'limits', 'limit_scale')
 _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -57,11 +49,11 @@ class GraphSnapshot:
     states: list[StateSeen] = field(default_factory=list)  # in the order of arrival
     publishers: dict[str, list[str]] = field(default_factory=dict)  # nodes by topic
     subscribers: dict[str, list[str]] = field(default_factory=dict)  # nodes by topic
-    twist_frames: set[str] = field(default_factory=set)  # of the task velocities that came
     words: dict[str, str] = field(default_factory=dict)  # session state, stop reason, mode by topic
     description: str = ''  # the URDF on robot_description; empty: none came
     controller: dict[str, Any] | None = None  # its parameters; None: there is no controller
     controllers: int = 0  # nodes of its name
+    problem: str = ''  # that it reports on /diagnostics
     forward_joints: list[str] = field(default_factory=list)  # of the forward_position_controller
     forward_states: dict[str, str] = field(default_factory=dict)  # its state by controller_manager
 
@@ -73,7 +65,6 @@ class SnapshotNode(GraphMonitor):
         super().__init__('redres_check', namespace)
         self._states_topic = states
         self.samples.add(states, JointState, _MANY)
-        self.samples.add(TWISTS, TwistStamped, _MANY)
         self.samples.add(DESCRIPTION, String, LATCHED)
         self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
 
@@ -90,6 +81,9 @@ class SnapshotNode(GraphMonitor):
         seen.words = {topic: self.word(topic) for topic in (SESSION, REASON, MODE)}
         seen.controller = self._ask(CONTROLLER, _ASKED)
         seen.controllers = self._count(CONTROLLER)
+        health = self.values.get(CONTROLLER)
+        if health and isinstance(health.value, NodeHealth) and not health.value.is_well:
+            seen.problem = health.value.text
         forwarding = self._ask(_FORWARDING, ('joints',)) or {}
         seen.forward_joints = forwarding.get('joints') or []
         return seen
@@ -103,8 +97,6 @@ class SnapshotNode(GraphMonitor):
                 stamp = to_nanoseconds(state.header.stamp)
                 positions = dict(zip(state.name, state.position, strict=False))
                 seen.states.append(StateSeen(stamp, sample.received, positions))
-            for _, twist in self._taken(TWISTS, TwistStamped):
-                seen.twist_frames.add(twist.header.frame_id)
             for _, diagnostics in self._taken(_DIAGNOSTICS, DiagnosticArray):
                 _take_diagnostics(seen, diagnostics)
             for _, description in self._taken(DESCRIPTION, String):

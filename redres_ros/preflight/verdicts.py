@@ -1,8 +1,6 @@
 """What is missing before a connected arm may move: a verdict on each part of a snapshot."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -12,9 +10,9 @@ import numpy as np
 
 from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter, are_of_two
+from redres_ros.loop.cycle_counter import NANOSECONDS, are_of_two
 from redres_ros.loop.modes import COMMANDING
-from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC, make_arm
 from redres_ros.nodes.topics import MODE, REASON, SESSION
 from redres_ros.preflight.snapshot import (
     COMMANDS,
@@ -26,13 +24,10 @@ from redres_ros.preflight.snapshot import (
     StateSeen,
 )
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import arm_from_urdf, choose_arm
 from redres_ros.robots.joint_limits import JointLimits
 
 _FEWEST = 10  # states for an estimate of the rate
 _RATE_ERROR = 0.02  # fraction by which the rate may differ
-_HALF = 0.5  # of a period: stamps that jitter by more are ambiguous
-_FEW = 0.01  # fraction of stamps that may jitter by more
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 _NEAR = 0.05  # of a range, from its end
 _NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
@@ -64,19 +59,12 @@ _note = partial(Verdict, Level.NOTE)
 _fault = partial(Verdict, Level.FAULT)
 
 
-@dataclass(frozen=True)
-class ExpectedArm:
-    """The arm and the rate that are expected, from the controller's parameters or from the user.
+class ExpectedArm(NamedTuple):
+    """The arm and the rate that are expected, from the controller's parameters or from the user."""
 
-    Attributes:
-        robot: Name, path, or topic.
-        tip_frame: Empty: the arm's own.
-        rate: States a second [Hz].
-    """
-
-    robot: str
-    tip_frame: str = ''
-    rate: float = 500.0
+    robot: str  # name, path, or topic
+    tip_frame: str = ''  # empty: the arm's own
+    rate: float = 500.0  # [Hz]
 
 
 def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
@@ -140,45 +128,19 @@ def _judge_stamps(states: list[StateSeen], rate: float, publishers: Sequence[str
         yield _fault('rate', f'{text}; expected {rate:g}: change the parameter rate')
     else:
         yield _ok('rate', text)
-        yield _judge_jitter(states, rate)
     difference = states[-1].arrived / NANOSECONDS - stamps[-1]
     if abs(difference) > _CLOCKS:
         text = f"the robot's clock is {difference:.3g} s from this computer's"
         yield _note('clock', f'{text}; stamp task velocities 0')
 
 
-def _judge_jitter(states: list[StateSeen], rate: float) -> Verdict:
-    """Whether the controller, which counts cycles in the same way, can number every state."""
-    arrivals = {state.stamp: state.arrived for state in states}  # [ns]
-    cycles = CycleCounter(round(NANOSECONDS / rate))
-    numbered: dict[int, int] = {}  # stamps [ns] by the numbers of their cycles
-    for stamp, arrived in arrivals.items():
-        with suppress(ClockError):
-            cycles.enter(stamp, arrived / NANOSECONDS)
-            numbered[cycles.number] = stamp - states[0].stamp
-    numbers = np.array(list(numbered))
-    stamps = np.array(list(numbered.values()))
-    errors = np.abs(stamps - np.polynomial.Polynomial.fit(numbers, stamps, 1)(numbers))
-    errors = errors / cycles.period
-    missing = numbers[-1] - numbers[0] + 1 - len(numbers)
-    gaps = f'; {missing} states did not come' if missing else ''
-    text = f'stamps jitter by {100.0 * errors.max():.1f} % of a period at most{gaps}'
-    unclear = len(arrivals) - len(numbered) + int(np.sum(errors > _HALF))
-    if unclear > _FEW * len(states):
-        text += f'; the cycle of {unclear} states is not clear, as they jitter by half a period'
-        return _fault('jitter', text)
-    return _ok('jitter', text)
-
-
 def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
     """Verdicts on joints, positions, limits and frames: whether the arm is the expected one."""
+    if expected.robot == TOPIC and not seen.description:
+        yield _fault('arm', f'the arm comes from {DESCRIPTION}, which has no publisher')
+        return
     try:
-        if expected.robot != TOPIC:
-            arm = choose_arm(expected.robot, expected.tip_frame)
-        elif seen.description:
-            arm = arm_from_urdf(seen.description, expected.tip_frame)
-        else:
-            raise RedresError(f'the arm comes from {DESCRIPTION}, which has no publisher')
+        arm = make_arm(expected.robot, expected.tip_frame, lambda: seen.description)
         model = RobotModel(arm)
     except RedresError as error:
         yield _fault('arm', str(error))
@@ -194,7 +156,8 @@ def _judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> _Verdicts:
         text = f'{FORWARD} has the joints {", ".join(seen.forward_joints)}'
         is_ours = seen.forward_joints == list(limits.joint_names)
         yield _ok('order', text) if is_ours else _fault('order', f'{text}; expected {names}')
-    yield from _judge_frames(seen, model)
+    base = seen.controller['base_frame'] if seen.controller else ''
+    yield _ok('frames', f'tip {arm.tip_frame}, base {base or model.base_frame}')
 
 
 def _judge_joints(positions: Mapping[str, float], limits: JointLimits) -> _Verdicts:
@@ -226,23 +189,14 @@ def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
     return _ok('positions', 'inside all ranges')
 
 
-def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> _Verdicts:
-    base = seen.controller['base_frame'] if seen.controller else ''
-    for frame in sorted(seen.twist_frames - {'', base, model.base_frame}):
-        try:
-            model.pose(np.zeros(model.n), frame)
-        except RedresError as error:
-            yield _fault('frames', f'{TWISTS} comes in an {error}')
-            return
-    yield _ok('frames', f'tip {model.arm.tip_frame}, base {base or model.base_frame}')
-
-
 def _judge_controller(seen: GraphSnapshot) -> _Verdicts:
     if seen.controllers > 1:
         yield _fault('controller', f'there are {seen.controllers} nodes of that name')
     if seen.controller is None:
         yield _fault('controller', 'no controller runs: start redres_controller')
         return
+    if seen.problem:
+        yield _note('controller', f'it reports: {seen.problem}')
     kept = seen.controller['limits']
     missing = [name for name in _NECESSARY if name not in kept]
     scale = seen.controller['limit_scale']
