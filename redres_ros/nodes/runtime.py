@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -148,11 +148,8 @@ def _stay_on_this_host() -> None:
 def _find_free_domain() -> int:
     """A domain on whose discovery port (RTPS: 7400 + 250 domain) no participant listens."""
     for domain in random.SystemRandom().sample(_FREE_DOMAINS, len(_FREE_DOMAINS)):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(('', 7400 + 250 * domain))
-            except OSError:
-                continue
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+            probe.bind(('', 7400 + 250 * domain))
             return domain
     raise _StartError(f'every ROS domain from 1 to {_FREE_DOMAINS[-1]} is in use on this machine')
 
@@ -197,16 +194,13 @@ def _made(make: Callable[[], N]) -> N:
 def spun(make: Callable[[], N], domain: int | None = None) -> Iterator[N]:
     """Start ROS and yield a node that is spun in a thread. Raises RedresError."""
     start(domain=domain)
-    try:
+    with ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
         node = _made(make)
         spinner = Spinner([node], threading.Event())
-        try:
-            with spinner.in_thread():
-                yield node
-        finally:
-            spinner.close()
-    finally:
-        rclpy.try_shutdown()
+        stack.callback(spinner.close)
+        stack.enter_context(spinner.in_thread())
+        yield node
 
 
 def run_nodes(

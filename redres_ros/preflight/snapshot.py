@@ -1,20 +1,18 @@
 """A snapshot of a running graph over a few seconds, before the arm moves."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
-from redres_ros.graph.monitor import GraphMonitor, NodeHealth, Sample
+from redres_ros.graph.monitor import GraphMonitor, NodeHealth
 from redres_ros.nodes.conversions import EncodingError, deserialised, to_nanoseconds
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
@@ -26,7 +24,6 @@ FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
-_DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 # Parameters of the controller.
@@ -55,7 +52,6 @@ class GraphSnapshot:
     controllers: int = 0  # nodes of its name
     problem: str = ''  # that it reports on /diagnostics
     forward_joints: list[str] = field(default_factory=list)  # of the forward_position_controller
-    forward_states: dict[str, str] = field(default_factory=dict)  # its state by controller_manager
 
 
 class SnapshotNode(GraphMonitor):
@@ -66,7 +62,6 @@ class SnapshotNode(GraphMonitor):
         self._states_topic = states
         self.samples.add(states, JointState, _MANY)
         self.samples.add(DESCRIPTION, String, LATCHED)
-        self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
 
     def look(self, seconds: float) -> GraphSnapshot:
         """A snapshot over that time [s], longer while states or a controller are missing; the node
@@ -93,20 +88,14 @@ class SnapshotNode(GraphMonitor):
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _LOOK))
-            for sample, state in self._taken(self._states_topic, JointState):
-                stamp = to_nanoseconds(state.header.stamp)
-                positions = dict(zip(state.name, state.position, strict=False))
-                seen.states.append(StateSeen(stamp, sample.received, positions))
-            for _, diagnostics in self._taken(_DIAGNOSTICS, DiagnosticArray):
-                _take_diagnostics(seen, diagnostics)
-            for _, description in self._taken(DESCRIPTION, String):
-                seen.description = description.data
-
-    def _taken(self, topic: str, kind: type) -> Iterator[tuple[Sample, Any]]:
-        """What has come on a topic, without what is malformed."""
-        for sample in self.samples.take(topic):
-            with suppress(EncodingError):
-                yield sample, deserialised(sample.data, kind)
+            for sample in self.samples.take(self._states_topic):
+                with suppress(EncodingError):  # malformed
+                    state = deserialised(sample.data, JointState)
+                    stamp = to_nanoseconds(state.header.stamp)
+                    positions = dict(zip(state.name, state.position, strict=False))
+                    seen.states.append(StateSeen(stamp, sample.received, positions))
+        if description := self.samples.newest(DESCRIPTION):
+            seen.description = description.data
 
     def _nodes(self, infos: Callable[[str], Sequence[TopicEndpointInfo]]) -> dict[str, list[str]]:
         """The nodes at the ends of topics."""
@@ -131,12 +120,3 @@ class SnapshotNode(GraphMonitor):
             return self.client.parameters(node, names)
         except CallError:
             return None
-
-
-def _take_diagnostics(seen: GraphSnapshot, message: DiagnosticArray) -> None:
-    """Record the states of controllers, which any manager may report."""
-    for status in message.status:
-        for pair in status.values:
-            name, _, rest = pair.key.rpartition('.')
-            if rest == 'state' and name == _FORWARDING:
-                seen.forward_states[status.name] = one_line(pair.value)

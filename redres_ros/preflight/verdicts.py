@@ -212,8 +212,6 @@ def _judge_controller(seen: GraphSnapshot) -> _Verdicts:
 
 def _judge_commands(seen: GraphSnapshot) -> _Verdicts:
     if seen.controller is None:
-        if seen.forward_states:  # a robot behind ros2_control
-            yield from _judge_forwarding(seen)
         return
     forwards = ROBOT_INTERFACES[str(seen.controller['robot_interface'])].forwards_commands
     topic = FORWARD if forwards else COMMANDS
@@ -226,7 +224,7 @@ def _judge_commands(seen: GraphSnapshot) -> _Verdicts:
             advice = 'a robot behind ros2_control needs robot_interface: ros2_control'
         yield _fault('commands', f'{topic} has no subscriber; {advice}')
     if forwards and subscribers:
-        yield from _judge_forwarding(seen)
+        yield _judge_forwarding(seen)
     for other in (COMMANDS, FORWARD):
         rivals = [name for name in seen.publishers.get(other, ()) if Path(name).name != CONTROLLER]
         if rivals:
@@ -234,26 +232,17 @@ def _judge_commands(seen: GraphSnapshot) -> _Verdicts:
             yield _fault('commands', text)
 
 
-def _judge_forwarding(seen: GraphSnapshot) -> _Verdicts:
-    """Whether ros2_control's controller takes the commands that reach it: an inactive one has its
-    subscription, too.
-    """
-    states = set(seen.forward_states.values())
-    command = 'ros2 control switch_controllers --activate forward_position_controller'
-    if states and 'active' not in states:
-        text = f'the forward_position_controller is {", ".join(sorted(states))}: {command}'
-        yield _fault('forwarding', text)
-    elif seen.words.get(MODE) == 'mirroring':
+def _judge_forwarding(seen: GraphSnapshot) -> Verdict:
+    """An inactive controller of ros2_control has its subscription, too."""
+    if seen.words.get(MODE) == 'mirroring':
+        command = 'ros2 control switch_controllers --activate forward_position_controller'
         text = f'the arm executes no commands: our controller mirrors it; {command}'
-        yield _fault('forwarding', text)
-    elif not states:
-        text = (
-            'no controller_manager reports on /diagnostics whether the forward_position_controller '
-            'is active; one that is not shows in the first motion, within 50 ms'
-        )
-        yield _note('forwarding', text)
-    else:
-        yield _ok('forwarding', 'the forward_position_controller is active')
+        return _fault('forwarding', text)
+    text = (
+        'ros2 control list_controllers must report the forward_position_controller as active; '
+        'one that is not shows in the first motion, within 50 ms'
+    )
+    return _note('forwarding', text)
 
 
 def _judge_twists(seen: GraphSnapshot) -> _Verdicts:
