@@ -29,15 +29,15 @@ from redres_ros.types import (
     check_finite,
 )
 
-_TWIST = 6  # rows of a task velocity that has components to hold
 _AT_REST = 1e-4  # [rad/s]
+_TWIST = 6  # rows of a task velocity that has components to hold
 _NOTHING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
-# A response that was sent so shortly before the robot published the next state came after that.
+# A robot that holds executes the second alone of two responses that it gets in one cycle. A state
+# that comes so shortly after a response was sent was published before that arrived.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
 _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
-_INTERVAL_TIME = 2.0  # [s] after which a long interval between states counts no more
 
 
 class Response(NamedTuple):
@@ -69,9 +69,6 @@ class CommandLoop:
     Args:
         controller: It is updated here and nowhere else.
         contact: How the arm yields to wrenches; None: not at all.
-
-    Attributes:
-        is_connected: Whether commands may reach the robot at all.
     """
 
     def __init__(
@@ -92,29 +89,23 @@ class CommandLoop:
         self.safety_filter = SafetyFilter(controller)
         self._pose_hold = PoseHold(controller)
         self._held_reference = HeldReference(controller)
-        # What comes before the input is followed, while that lasts.
-        self._approach: Approach | None = None
         self.mode = Mode.HOLDING
-        self._settled: tuple[Mode, Conditions] | None = None  # a mode that stays, as long as these
-        self._before: Published | None = None  # what the last command continued from
-        self._sent = -math.inf  # when the newest response was on its way [s]
-        self.responses = 0  # to states
-        self.skipped = 0  # cycles whose state did not come
-        self.newest_response: Response | None = None
-        self._silence = ''  # after which the arm started again from the last state
-        self._newest: _State | None = None  # that was believed
-        self._waiting: _State | None = None  # that has no response yet
-        self._expecting = settings.lockstep  # that velocities go on to come
-        self.is_connected = True
-        self._is_commanding = True  # by the robot's session; a robot without one takes commands
-        self._has_session = False
-        # In lock-step the first command begins command mode, so the tick in which the news of that
-        # arrives must not matter.
-        self._undecided = settings.lockstep
+        # What moves the arm in place of the input: an approach to where it is, or measurements.
+        self._approach: Approach | None = None
+        self._yields_alone = False
         self._active = True
         self._held = False  # by request
-        self._yields_alone = False  # it moves only as measurements ask
-        self._gap_cycle = 0  # of the longest interval between states of late
+        self._is_connected = True
+        self._session = ''  # of the robot; one without takes commands
+        self._newest: _State | None = None  # that was believed
+        self._waiting: _State | None = None  # that has no response yet
+        self.newest_response: Response | None = None
+        self._sent = -math.inf  # when that was on its way [s]
+        self._together = min(_TOGETHER, _TOGETHER_FRACTION * controller.T)  # [s]
+        self._before: Published | None = None  # what its command continued from
+        self._silence = ''  # after which the arm started again from the last state
+        self.responses = 0  # to states
+        self.skipped = 0  # cycles whose state did not come
         if not (self._holds or settings.lockstep):
             controller.longest_gap = self._interface.restart_after + 1
 
@@ -128,11 +119,14 @@ class CommandLoop:
     @property
     def commanding(self) -> bool:
         """Whether the robot takes commands, as far as is known."""
-        return self.faults.executes and self.is_connected and self._is_commanding
+        takes_commands = self._session in ('', *COMMANDING)
+        return takes_commands and self._is_connected and self.faults.executes
 
     @property
     def error(self) -> str:
-        """What blocks motion, and the remedy; empty if nothing does."""
+        """The first reason why the arm may not move, or cannot stay where it is, and the remedy;
+        empty without one.
+        """
         if reason := self.faults.reason:
             return f'{reason}; controller/hold with false, or a new motion, lets it go on'
         if self._cycles.rate_error or self.mode is not Mode.HOLDING or self._newest is None:
@@ -167,8 +161,8 @@ class CommandLoop:
 
     def forget(self) -> None:
         """Reset all but the settings."""
-        self._waiting = None
         self._newest = None
+        self._waiting = None
         self._held = False
         self._cycles.restart()
         self._begin_anew(None)
@@ -176,18 +170,20 @@ class CommandLoop:
     def enter_session(self, state: str) -> None:
         """Record the name of the robot's session state.
 
-        One that begins to take commands executes them, whatever it did before.
+        One that begins to take commands executes them, whatever it did before. In lock-step the
+        first command begins the session, so the tick in which that is reported must not matter.
         """
-        self._has_session = True
-        self._undecided = self._undecided and state not in COMMANDING
-        self._is_commanding = state in COMMANDING or self._undecided
-        if self._is_commanding and not self.faults.executes:
+        begins = self.input.settings.lockstep and not self._session
+        if begins and state not in COMMANDING:
+            return
+        self._session = state
+        if state in COMMANDING and not self.faults.executes:
             self.faults.clear()
 
     def set_connected(self, connected: bool) -> None:
         """Whether commands may reach the robot at all; a moving arm is not let go of."""
         if self.mode not in MOVING_MODES:
-            self.is_connected = connected
+            self._is_connected = connected
 
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
@@ -232,13 +228,12 @@ class CommandLoop:
             is_another = not before or abs(step) >= _CLOCK_STEP
             if cycles.enter(stamp, now) == 0:
                 self._begin_anew(None if is_another else q)
-                if before and is_another:  # it says itself when it takes commands
-                    self._is_commanding = not self._has_session
-            if self._waiting:
-                self._expecting = False  # the robot did not wait, so nothing else need
+                if before and is_another and self._session:
+                    self._session = 'unknown'
+        robot_waits = self._waiting is None
         self._newest = _State(stamp, cycles.number, q, now)
         self._waiting = self._newest
-        return self.respond_if_due(now)
+        return self.respond_if_due(now, robot_waits=robot_waits)
 
     def _begin_anew(self, q: JointPositions | None) -> None:
         """Reset the published references: the robot is another one, or was restarted.
@@ -248,18 +243,21 @@ class CommandLoop:
         """
         controller = self._controller
         published = controller.published
-        is_held = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
-        is_left = q is None or self.faults.is_away(q)
-        if q is not None and published and self._interface.forwards_commands:
-            is_left = self._held_reference.is_left(q)
+        stays = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
+        if q is None or published is None:
+            stays = False
+        elif self._interface.forwards_commands:
+            stays = stays and not self._held_reference.is_left(q)
+        else:
+            stays = stays and not self.faults.is_away(q)
         self.faults.clear()
         self.faults.begin()
         self.input.buffer.clear()
         self._end_approach()
-        if published is None or is_left or not is_held:
-            controller.restart()
-        else:
+        if published and stays:
             controller.hold_at(published.q)
+        else:
+            controller.restart()
         self.newest_response = None
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
@@ -277,9 +275,7 @@ class CommandLoop:
             stamp: Of the state that it belongs to, or another time on the robot's clock; 0 for now.
             time_of_day: Arrival by the computer's clock; 0: not known.
 
-        Raises:
-            TwistSpeedError: It is too fast.
-            TwistAgeError: It is too old, or stamped too far ahead.
+        Raises VelocityError for one that is too fast, too old, or stamped too far ahead.
         """
         return self._enter(self.input.of_task, stamp, dx, now, time_of_day)
 
@@ -298,25 +294,26 @@ class CommandLoop:
         time_of_day: Nanoseconds,
     ) -> Response | None:
         kind = self.input.buffer
-        if self.input.enter(buffer, stamp, dx, now, time_of_day):
-            self._expecting = True
+        self.input.enter(buffer, stamp, dx, now, time_of_day)
         if self.input.buffer is not kind:
             self._approach = None
         return self.respond_if_due(now)
 
-    def respond_if_due(self, now: Seconds) -> Response | None:
-        """The response to the state that waits, once it need not wait any longer."""
+    def respond_if_due(self, now: Seconds, *, robot_waits: bool = True) -> Response | None:
+        """The response to the state that waits for its velocity, once it need not wait any longer:
+        it does as long as the last response had its velocity, and the robot waits.
+        """
         state = self._waiting
         if state is None:
             return None
-        known = self.input.buffer.known_until >= state.cycle
-        if not known:
-            awaits = self._expecting and not self._held
-            patience = self._interface.patience
-            if self.input.settings.lockstep or (awaits and now - state.arrived < patience):
+        buffer = self.input.buffer
+        last = self.newest_response
+        if buffer.known_until < state.cycle:
+            waits = robot_waits and now - state.arrived < self._interface.patience
+            awaits = last and buffer.known_until >= last.cycle and self.input.is_of_state
+            if self.input.settings.lockstep or (waits and awaits and not self._held):
                 return None
         self._waiting = None
-        self._expecting = self._expecting and known
         self.newest_response = self._respond(state, now)
         self.responses += self.newest_response is not None
         return self.newest_response
@@ -325,26 +322,32 @@ class CommandLoop:
 
     def _respond(self, state: _State, now: Seconds) -> Response | None:
         """What was missed, what is asked for, the mode that follows, and its command."""
-        missed = 0
+        controller = self._controller
         self._silence = ''
-        if self._holds and self.mode in MOVING_MODES:
-            self._drop_late(min(state.arrived, self._cycles.earliest_arrival))
-        if self.newest_response:
-            missed = state.cycle - self.newest_response.cycle - 1
-            if missed or self._controller.gap > 1:
-                missed = self._bridge(state, self.newest_response, missed)
+        if (
+            self._holds
+            and self.mode in MOVING_MODES
+            and state.arrived - self._sent < self._together
+        ):
+            controller.published = self._before
+        last = self.newest_response
+        missed = state.cycle - last.cycle - 1 if last else 0
+        if last and missed:
+            missed = self._bridge(state, last, missed)
         stale = self.input.is_stale(state.cycle, now)
         dx = self.input.buffer.play(state.cycle)
         self._watch(state, dx, missed, stale)
         blocked = self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
-        if self.mode is Mode.HOLDING and not self._may_be_held(state.q, missed):
-            return None
+        if self.mode is Mode.HOLDING and self._interface.forwards_commands and controller.published:
+            seconds = (missed + 1) * controller.T
+            if not self._held_reference.update(state.q, seconds):
+                return None  # others have moved the arm
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))
-        published = self._controller.published
+        before = controller.published
         try:
             command = self._command(state.q, dx, missed)
         except RedresError as error:
@@ -352,20 +355,11 @@ class CommandLoop:
             blocked = True
             self.mode = Mode.STOPPING
             self.measurements.restart()
-            self._controller.published = published
+            controller.published = before
             command = self._command(state.q, dx, missed)
         follows = not (blocked or stale or self._approach)
         scaling = command.s if follows else 0.0
         return Response(state.stamp, command, scaling, state.q, state.cycle)
-
-    def _drop_late(self, published: Seconds) -> None:
-        """Have the next command replace the last one, if both reach the robot in the same cycle,
-        which has published a state between them.
-
-        One that holds executes only the second of them, which would be a step of two cycles.
-        """
-        if published - self._sent < min(_TOGETHER, _TOGETHER_FRACTION * self._controller.T):
-            self._controller.published = self._before
 
     def _bridge(self, state: _State, last: Response, missed: Cycles) -> Cycles:
         """The cycles without a command that count; after a long silence the arm is at rest."""
@@ -377,11 +371,8 @@ class CommandLoop:
         self.skipped += missed
         allowed = self._interface.restart_after
         if missed <= allowed:
-            # In such intervals a robot that does not hold moves on: joints must stop in time.
-            is_long_ago = (state.cycle - self._gap_cycle) * controller.T > _INTERVAL_TIME
-            if not holds and (missed + 1 >= controller.gap or is_long_ago):
-                controller.gap = missed + 1
-                self._gap_cycle = state.cycle
+            if not holds:  # it moves on in such intervals, and its joints must stop in time
+                controller.gap = max(controller.gap, missed + 1)
             return missed
         if not holds:
             # It may have continued by itself; a servo's lag is in both positions.
@@ -425,7 +416,8 @@ class CommandLoop:
         """
         faults = self.faults
         measurements = self.measurements
-        commandable = faults.executes and self.is_connected and self._is_commanding
+        takes_commands = self._session in ('', *COMMANDING)
+        commandable = takes_commands and self._is_connected and faults.executes
         has_fault = bool(faults.reason) and not faults.released
         is_ready = commandable and self._active and not (self._held or has_fault)
         blocked = not is_ready or bool(self._cycles.rate_error)
@@ -449,20 +441,11 @@ class CommandLoop:
             at_rest=not asked and fastest <= _AT_REST,
         )
         before = self.mode
-        if self._settled != (before, conditions):
-            self.mode = next_mode(before, conditions)
-            self._settled = self.mode, conditions
+        self.mode = next_mode(before, conditions)
         if self.mode is not before:
             self._begin_mode(state, before)
         self._yields_alone = stale and self.mode is Mode.MOVING and self._approach is None
         return blocked
-
-    def _may_be_held(self, q: JointPositions, missed: Cycles) -> bool:
-        """Whether the reference is where the arm is; behind ros2_control others may move it."""
-        if not self._interface.forwards_commands:
-            return True
-        seconds = (missed + 1) * self._controller.T
-        return self._controller.published is None or self._held_reference.update(q, seconds)
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         """What the mode of this state begins with."""
@@ -477,6 +460,7 @@ class CommandLoop:
                 self._approach = Approach(controller, state.q)
             controller.resume()
         elif self.mode is Mode.HOLDING:
+            controller.gap = 1
             controller.hold_at(controller.reference)
             followed = before in MOVING_MODES and not self.faults.reason
             self._held_reference.begin(state.q, followed=followed)
@@ -496,33 +480,32 @@ class CommandLoop:
         """
         controller = self._controller
         measurements = self.measurements
-        approach = self._approach
-        correction = None
-        is_yielding = False
-        along = dx
-        if self.mode is Mode.STOPPING:
-            controller.hold()
-            along = np.zeros(controller.m)
-        elif self.mode is not Mode.MOVING:
+        if self.mode not in MOVING_MODES:
             if self.mode is Mode.MIRRORING or controller.published is None:
                 controller.hold_at(q)
                 self._held_reference.begin(q)
             self.safety_filter.reason = ''
             return controller.hold_command()
-        elif approach:
-            along = approach.velocity()
+        correction = None
+        is_yielding = False
+        if self.mode is Mode.STOPPING:
+            controller.hold()
+            along = np.zeros(controller.m)
+        elif self._approach:
+            along = self._approach.velocity()
         else:
-            is_open_loop = self.input.is_open_loop
+            is_of_task = not self.input.is_of_joints
+            is_yielding = measurements.yields and is_of_task
+            is_steered = is_of_task and not self.input.is_of_state
             scaling = self.input.settings.scaling
             if scaling == AUTO:
-                scaling = 'components' if is_open_loop else 'task'
+                scaling = 'components' if is_steered else 'task'
             if scaling != controller.policy.scaling:
                 controller.set_scaling(scaling)
-            is_yielding = measurements.yields and not self.input.is_of_joints
-            if len(dx) == _TWIST and not self.input.is_of_joints:  # what yields is not held
-                is_steered = is_open_loop and not is_yielding
-                dx, correction = self._pose_hold.hold(dx, is_open_loop=is_steered)
-                along = dx
+            if len(dx) == _TWIST and is_of_task:  # what yields is not held
+                is_held = is_steered and not is_yielding
+                dx, correction = self._pose_hold.hold(dx, is_open_loop=is_held)
+            along = dx
             if is_yielding:
                 along = measurements.contact.velocity(dx, measurements.state(q), missed)
         plan = controller.plan(q, along, missed, correction)
@@ -530,6 +513,6 @@ class CommandLoop:
         command = controller.commit(self.safety_filter.admit(plan))
         if is_yielding:
             measurements.contact.record(command, dx)
-        if approach and self.mode is Mode.MOVING and approach.is_over:
+        if self._approach and self.mode is Mode.MOVING and self._approach.is_over:
             self._end_approach()
         return command

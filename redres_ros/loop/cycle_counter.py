@@ -9,16 +9,13 @@ from redres_ros.types import Cycles, Nanoseconds, Seconds
 NANOSECONDS = 1_000_000_000
 RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
 
-_PHASE_GAIN = 0.03  # share of a stamp's residual by which the expected stamps are moved
-_RATE_GAIN = 2e-4  # the same for their distance: a robot's clock runs at a rate of its own
+_GAIN = 0.05  # fraction of a stamp's residual by which the expected stamps are moved
 _DOUBT = 0.2  # of a period by which a state must be later than half of one to be two cycles
-_RATE_RANGE = 0.01  # of a period by which that distance may differ from the nominal one
 _EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _GAP = 0.15  # [s] without a state, in which this process may have slept
 _DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
-_SLOWER = NANOSECONDS // 4  # [ns] of late states after which that clock is slower: a simulation's
 _REMEMBERED = 512  # states whose cycle is known by their very stamp
 # Intervals between states, by which the robot's rate is judged: so many, and of so long a time that
 # those that come at once after an overrun are less than half
@@ -34,11 +31,6 @@ _UNEVEN = 1.3
 
 class ClockError(RedresError):
     """A state whose stamp is not that of a new cycle."""
-
-
-def is_of_this_moment(stamp: Nanoseconds, time_of_day: Nanoseconds, tolerance: Seconds) -> bool:
-    """Whether a message that arrived at a time of day was stamped on this computer just before."""
-    return abs(time_of_day - stamp) <= tolerance * NANOSECONDS
 
 
 def are_of_two(stamps: Iterable[Nanoseconds], period: Nanoseconds) -> bool:
@@ -85,21 +77,10 @@ class CycleCounter:
     def _set(self, stamp: Nanoseconds, arrived: Seconds) -> None:
         """Expect stamps by the clock of this one, whatever those before were."""
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
-        self._rate = 0.0  # [ns] by which a cycle of the stamps is longer than a period
         self._counted = 0  # states since the clock was set
         self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
-        self._in_time = stamp  # of the newest state with about that delay [ns]
         self._numbers.clear()
         self._unjudged.clear()
-
-    @property
-    def earliest_arrival(self) -> Seconds:
-        """When the newest state would have come with the least delay seen so far; when it did
-        come, if the robot's clock is slower than this computer's.
-        """
-        if self.newest - self._in_time > _SLOWER:
-            return self.arrived
-        return self.newest / NANOSECONDS + self._least_delay
 
     def enter(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
         """The number of cycles from the last state to this one; 0 if the clock is a new one.
@@ -132,26 +113,20 @@ class CycleCounter:
         """Cycles in a time that has passed on the robot's clock, or 1 if that was set forward."""
         elapsed = stamp - self.newest
         delay = arrived - stamp / NANOSECONDS
-        length = self.period + self._rate  # [ns]
         since = elapsed + self._late  # [ns] since the last state was expected
-        cycles = max(round(since / length - _DOUBT), 1)
-        if since < (1.0 + _EARLIEST) * length:
+        cycles = max(round(since / self.period - _DOUBT), 1)
+        if since < (1.0 + _EARLIEST) * self.period:
             raise ClockError(
                 f'stamped {elapsed / 1e6:.3g} ms after the last one, and so were those before; '
                 f'expected {self.period / 1e6:.3g} ms (rate {NANOSECONDS / self.period:g} Hz)'
             )
         too_early = (self._least_delay - delay) * NANOSECONDS  # [ns]
-        if cycles > 1 and too_early > 0.5 * (cycles - 1) * length:
+        if cycles > 1 and too_early > 0.5 * (cycles - 1) * self.period:
             self._set(stamp, arrived)
             return 1
-        residual = since - cycles * length  # [ns]
-        allowed = _RATE_RANGE * self.period
-        gain = max(_PHASE_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
-        self._late = (1.0 - gain) * residual
-        self._rate = min(max(self._rate + _RATE_GAIN * residual, -allowed), allowed)
+        gain = max(_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
+        self._late = (1.0 - gain) * (since - cycles * self.period)
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
-        if delay - self._least_delay < 2 * self.period / NANOSECONDS:
-            self._in_time = stamp
         return cycles
 
     def _step(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
@@ -177,25 +152,20 @@ class CycleCounter:
     def _judge_rate(self) -> None:
         """Compare the intervals between states with the period: lost states make some longer."""
         intervals = sorted(after - before for before, after in pairwise(sorted(self._unjudged)))
-        doubled = are_of_two(self._unjudged, self.period)
-        self._unjudged.clear()
         short = intervals[int(_SHORT * len(intervals))]
-        usual = intervals[len(intervals) // 2]
+        usual = max(short, min(intervals[len(intervals) // 2], self.period))
         self.rate_error = ''
-        if doubled:
+        if are_of_two(self._unjudged, self.period):
             self.rate_error = (
                 'two nodes publish the joints of this arm on joint_states; only one may '
                 '(ros2 topic info -v joint_states)'
             )
-            return
-        if short > _STEADY[1] * self.period:
-            usual = short
-        elif usual >= _STEADY[0] * self.period or usual == 0:
-            return
-        self.rate_error = (
-            f'states come at {NANOSECONDS / usual:.4g} Hz; expected '
-            f'{NANOSECONDS / self.period:.4g} Hz (parameter rate)'
-        )
+        elif usual and not _STEADY[0] <= usual / self.period <= _STEADY[1]:
+            self.rate_error = (
+                f'states come at {NANOSECONDS / usual:.4g} Hz; expected '
+                f'{NANOSECONDS / self.period:.4g} Hz (parameter rate)'
+            )
+        self._unjudged.clear()
 
     def cycle(self, stamp: Nanoseconds) -> int:
         """The cycle of a stamp: that of its state, else the nearest."""
@@ -204,29 +174,22 @@ class CycleCounter:
             return known
         return self.number + round((stamp - self.newest) / self.period)
 
-    def _age(self, stamp: Nanoseconds) -> Seconds:
-        """How far a stamp is behind the newest state, in whole cycles."""
-        return (self.number - self.cycle(stamp)) * self.period / NANOSECONDS
+    def judge(
+        self, stamp: Nanoseconds, time_of_day: Nanoseconds, allowed: Seconds
+    ) -> tuple[Nanoseconds, str]:
+        """A message's stamp by the robot's clock, 0 for now; and why it is too far from the newest
+        state, '' if it is not.
 
-    def age_problem(self, stamp: Nanoseconds, allowed: Seconds) -> str:
-        """Why a stamp is too far from the robot's clock; '' if it is not."""
-        age = self._age(stamp)
-        if abs(age) <= allowed:
-            return ''
-        side = 'behind' if age > 0.0 else 'ahead of'
-        return f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {allowed:g}"
-
-    def robot_stamp(
-        self, stamp: Nanoseconds, time_of_day: Nanoseconds, tolerance: Seconds
-    ) -> Nanoseconds:
-        """A stamp by the robot's clock; 0, for now, in place of one by another clock.
-
-        A stamp that is farther than the tolerance from the robot's clock, and that this computer's
-        clock showed as short a time before its arrival (time_of_day; 0: not known), was made on
-        this computer: the arrival is what counts.
+        One that is too far, and that this computer's clock showed as short a time before the
+        message arrived (time_of_day; 0: not known), was made on this computer: the arrival counts.
         """
-        is_far = abs(self._age(stamp)) > tolerance
-        return 0 if is_far and is_of_this_moment(stamp, time_of_day, tolerance) else stamp
+        age = (self.number - self.cycle(stamp)) * self.period / NANOSECONDS
+        if not stamp or abs(age) <= allowed:
+            return stamp, ''
+        if abs(time_of_day - stamp) <= allowed * NANOSECONDS:
+            return 0, ''
+        side = 'behind' if age > 0.0 else 'ahead of'
+        return stamp, f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {allowed:g}"
 
     def is_of_a_state(self, stamp: Nanoseconds) -> bool:
         """Whether a stamp is that of a state, as far as is known."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from redres_ros.contact import BASE, ContactControl
 from redres_ros.controller import Controller
-from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import CycleCounter
+from redres_ros.loop.cycle_counter import ClockError, CycleCounter
 from redres_ros.robot_model import RobotState, TickContext
 from redres_ros.types import (
     Cycles,
@@ -19,10 +18,6 @@ from redres_ros.types import (
 )
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
-
-
-class MeasurementAgeError(RedresError):
-    """A measurement whose stamp is too far from the robot's clock."""
 
 
 class Measurements:
@@ -64,17 +59,14 @@ class Measurements:
 
         Args:
             stamp: A time on the robot's clock or on this computer's; 0 for now.
-            wrench: What the environment exerts on the tip.
             frame: The link along whose axes and about whose origin it is; '' is the tip, 'base' the
                 base.
             time_of_day: Arrival by this computer's clock; 0: not known.
 
-        Raises:
-            MeasurementAgeError: It is too old, or stamped too far ahead.
-            UnknownNameError: The arm has no such link.
+        Raises ClockError for one that is too old or stamped too far ahead, and UnknownNameError for
+        a link that the arm has not.
         """
         self._check_age('wrench', stamp, time_of_day)
-        self.is_idle = False
         if frame not in self._links:
             model = self._controller.model
             model.position(np.zeros(model.n), frame)
@@ -89,20 +81,18 @@ class Measurements:
         Raises ArrayError for values that are not finite.
         """
         self._check_age(name, stamp, time_of_day)
-        self.is_idle = False
         check_finite(value, name)
         self._values[name] = value, self._time
 
     def _check_age(self, name: str, stamp: Nanoseconds, time_of_day: Nanoseconds) -> None:
-        """Raise MeasurementAgeError for a stamp too far from the robot's clock."""
-        cycles = self._cycles
+        """Raise ClockError for a stamp too far from the robot's clock."""
         allowed = self.contact.settings.wrench_timeout
-        if not cycles.newest or not cycles.robot_stamp(stamp, time_of_day, allowed):
-            return
-        if problem := cycles.age_problem(stamp, allowed):
-            raise MeasurementAgeError(
+        _, problem = self._cycles.judge(stamp, time_of_day, allowed)
+        if problem and self._cycles.newest:
+            raise ClockError(
                 f'{name}: {problem} (admittance.wrench_timeout; a zero stamp means now)'
             )
+        self.is_idle = False
 
     def update(self, q: JointPositions, missed: Cycles, at_rest: bool) -> None:
         """Drop what is too old, and see whether the rest asks an arm to move, or to go on moving;
@@ -125,11 +115,10 @@ class Measurements:
             if self._time - time <= timeout
         }
         state = self.state(q)
-        asks = False
-        if self.yields:
-            asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
-        asks = asks or any(p.asks(state) for p in self._controller.policy.preferences)
-        if asks:
+        asks = self.yields and self.contact.moves
+        if self.yields and at_rest:
+            asks = self.contact.asks(state, missed)
+        if asks or any(p.asks(state) for p in self._controller.policy.preferences):
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE
 

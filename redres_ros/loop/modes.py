@@ -10,6 +10,7 @@
 """
 
 from enum import Enum
+from functools import cache
 from typing import NamedTuple
 
 # Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
@@ -17,8 +18,6 @@ COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
 
 
 class Mode(Enum):
-    """The mode of the controller."""
-
     INACTIVE = 'inactive'
     MIRRORING = 'mirroring'
     HOLDING = 'holding'
@@ -30,21 +29,13 @@ MOVING_MODES = (Mode.MOVING, Mode.STOPPING)  # in which references change
 
 
 class Conditions(NamedTuple):
-    """The conditions of transitions, at one state of the robot.
+    """The conditions of transitions, at one state of the robot."""
 
-    Attributes:
-        active: The controller is active, or not at rest yet.
-        commandable: The robot takes commands.
-        motion_allowed: Nothing blocks motion.
-        motion_asked: Motion is allowed, and something asks for it.
-        at_rest: The reference has come to rest, and nothing asks for motion.
-    """
-
-    active: bool
-    commandable: bool
-    motion_allowed: bool
-    motion_asked: bool
-    at_rest: bool
+    active: bool  # the controller is, or not at rest yet
+    commandable: bool  # the robot takes commands
+    motion_allowed: bool  # nothing blocks it
+    motion_asked: bool  # it is allowed, and something asks for it
+    at_rest: bool  # the reference is, and nothing asks for motion
 
 
 # In each mode the first transition counts whose condition has that value.
@@ -72,6 +63,7 @@ _TRANSITIONS: dict[Mode, tuple[tuple[str, bool, Mode], ...]] = {
 }
 
 
+@cache
 def next_mode(mode: Mode, conditions: Conditions) -> Mode:
     """The mode at a state of the robot, after that of the state before."""
     for _ in _TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node

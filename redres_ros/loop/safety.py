@@ -18,7 +18,7 @@ import numpy as np
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
 from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
-from redres_ros.types import Cycles, JointAccelerations, JointPositions, JointVelocities
+from redres_ros.types import Cycles, JointPositions
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
@@ -165,25 +165,31 @@ class FaultMonitor:
 
 
 class SafetyFilter:
-    """Checks plans against what the controller has published before."""
+    """Checks plans against what the controller has published before.
+
+    Attributes:
+        count: References that it changed.
+        reason: Why it changed the last one; empty if it did not.
+    """
 
     def __init__(self, controller: Controller) -> None:
-        self.count = 0  # references that it changed
-        self.reason = ''  # why it changed the last one; empty if it did not
+        self.count = 0
+        self.reason = ''
         self._controller = controller
-        self._limits = controller.policy.limits
-        self._V, self._A = self._allowed()
 
     def admit(self, plan: Plan) -> Plan:
         """The plan whose reference may be published."""
         model = self._controller.model
         T = self._controller.T
         base = plan.base
-        if self._controller.policy.limits is not self._limits:
-            self._limits = self._controller.policy.limits
-            self._V, self._A = self._allowed()
-        V = self._V
-        A = self._A
+        limits = self._controller.policy.limits
+        A = np.full(model.n, np.inf)
+        V = A
+        if limits is not None:
+            V = model.dq_max
+            A = np.array(model.arm.acceleration_limit or A)
+            if limits.acceleration is not None:
+                A = limits.acceleration
         q_ref = np.empty(model.n)
         dq = np.empty(model.n)
         joint = admit(plan.q_ref, base.q, base.dq, T, V, A, model.q_min, model.q_max, q_ref, dq)
@@ -191,38 +197,13 @@ class SafetyFilter:
         if joint < 0:
             return plan
         self.count += 1
-        self.reason = self._reason(plan, joint)
+        speed = (plan.q_ref - base.q)[joint] / T
+        acceleration = (speed - base.dq[joint]) / T
+        self.reason = (
+            f'{model.joint_names[joint]}: the reference {plan.q_ref[joint]:.4g} rad, '
+            f'{speed:.4g} rad/s, {acceleration:.4g} rad/s^2 is beyond {model.q_min[joint]:.4g} to '
+            f'{model.q_max[joint]:.4g} rad, {V[joint]:.4g} rad/s, {A[joint]:.4g} rad/s^2, or too '
+            'fast to stop within that range'
+        )
         solution = replace(plan.solution, dq=dq)
-        ddq = (dq - base.dq) / T
-        return replace(plan, solution=solution, q_ref=q_ref, dq=dq, ddq=ddq)
-
-    def _allowed(self) -> tuple[JointVelocities, JointAccelerations]:
-        """V and A; infinite for a controller without limits."""
-        model = self._controller.model
-        unlimited = np.full(model.n, np.inf)
-        if self._limits is None:
-            return unlimited, unlimited
-        if self._limits.acceleration is not None:
-            return model.dq_max, self._limits.acceleration
-        return model.dq_max, np.array(model.arm.acceleration_limit or unlimited)
-
-    def _reason(self, plan: Plan, joint: int) -> str:
-        """The violation of a joint's reference."""
-        model = self._controller.model
-        T = self._controller.T
-        name = model.joint_names[joint]
-        value = float(plan.q_ref[joint])
-        if not np.isfinite(value):
-            return f'{name}: the reference is {value}; expected a finite one'
-        if not model.q_min[joint] <= value <= model.q_max[joint]:
-            return (
-                f'{name}: the reference {value:.4g} rad is outside the range '
-                f'{model.q_min[joint]:.4g} to {model.q_max[joint]:.4g}'
-            )
-        dq = (value - float(plan.base.q[joint])) / T
-        if abs(dq) > self._V[joint]:
-            return f'{name}: {abs(dq):.4g} rad/s; allowed: {self._V[joint]:.4g}'
-        ddq = abs(dq - float(plan.base.dq[joint])) / T
-        if ddq > self._A[joint]:
-            return f'{name}: {ddq:.4g} rad/s^2; allowed: {self._A[joint]:.4g}'
-        return f'{name}: {abs(dq):.4g} rad/s is too fast to stop at the end of its range'
+        return replace(plan, solution=solution, q_ref=q_ref, dq=dq, ddq=(dq - base.dq) / T)

@@ -77,12 +77,8 @@ class LoopSettings:
         check_parameters(self)
 
 
-class TwistSpeedError(RedresError):
-    """A task velocity that is faster than allowed."""
-
-
-class TwistAgeError(RedresError):
-    """A task velocity whose stamp is too far from the robot's clock."""
+class VelocityError(RedresError):
+    """A velocity that is faster than allowed, or whose stamp is too far from the robot's clock."""
 
 
 class TwistBuffer:
@@ -127,14 +123,12 @@ class TwistBuffer:
         self.known_until = -math.inf
         self._twists: dict[int, TaskVelocity] = {}  # by cycle: those that have not acted yet
         self._sampled: int | None = None  # cycle of the last one that has
-        self._interval = 0  # cycles between the last two
-        self._intervals: deque[Cycles] = deque(maxlen=_RECENT)  # cycles between the last ones
+        self._dx = self._rest  # that one
+        self._intervals: deque[Cycles] = deque(maxlen=_RECENT)  # between the last ones
         self._is_dense = False  # they come from a source that sends one a cycle, but for a few
+        self._slope = self._rest  # their steady change a cycle
         self._guesses = 0  # cycles since the last one
-        self._newest = self._rest  # the last one
-        self._target = self._rest  # the same, or where it has led since
-        self._slope = self._rest  # its steady change a cycle
-        self._residual = self._rest  # what is added to it, and fades out
+        self._residual = self._rest  # what is added, and fades out
         self._left = 0  # cycles until it has
 
     def put(self, cycle: int, dx: TaskVelocity) -> None:
@@ -150,15 +144,18 @@ class TwistBuffer:
         cycles = max(cycle - self._played, 1)
         self._played = cycle
         sampled = cycle - self._lag
-        known = sorted([each for each in self._twists if each <= sampled])
-        expected = self._predicted(sampled) if self._guesses else self._target
-        for each in known:
-            self._take(each)
+        expected = self._predicted(sampled) if self._guesses else self._dx
+        before = self._sampled
+        for known in sorted(self._twists):
+            if known <= sampled:
+                self._take(known)
         is_guess = self._sampled is not None and self._sampled != sampled
-        self._target = self._predicted(sampled) if is_guess else self._newest
-        if known:
-            jump = expected - self._target
-            spread = _RETURN * self._guesses if self._is_dense else self._interval
+        target = self._predicted(sampled) if is_guess else self._dx
+        if self._sampled != before:
+            jump = expected - target
+            spread = self._intervals[-1] if self._intervals else 0
+            if self._is_dense:
+                spread = _RETURN * self._guesses
             if spread or self._cycles_needed(jump) > cycles:
                 self._residual = self._residual + jump
                 self._left = max(self._left, spread, self._cycles_needed(self._residual))
@@ -167,26 +164,26 @@ class TwistBuffer:
         if self._left:
             self._left -= 1
             self._residual = self._residual * (self._left / (self._left + 1))
-        return self._target + self._residual
+        return target + self._residual
 
     def _take(self, cycle: int) -> None:
         """Go over to the velocity of a cycle."""
         dx = self._twists.pop(cycle)
         self._slope = self._rest
         if self._sampled is not None:
-            self._interval = max(cycle - self._sampled, 1)
-            self._intervals.append(self._interval)
+            interval = max(cycle - self._sampled, 1)
+            self._intervals.append(interval)
             self._is_dense = min(self._intervals) <= _DENSE
             if self._is_dense:
-                self._slope = (dx - self._newest) / self._interval
+                self._slope = (dx - self._dx) / interval
         self._sampled = cycle
-        self._newest = dx
+        self._dx = dx
 
     def _predicted(self, cycle: int) -> TaskVelocity:
-        """The newest velocity, continued to a cycle if it changes steadily."""
+        """The last velocity, continued to a cycle if it changes steadily."""
         if self._sampled is None or self._cycles_needed(self._slope) > 1:
-            return self._newest
-        return self._newest + min(cycle - self._sampled, _EXTRAPOLATED) * self._slope
+            return self._dx
+        return self._dx + min(cycle - self._sampled, _EXTRAPOLATED) * self._slope
 
     def _cycles_needed(self, change: TaskVelocity) -> Cycles:
         """Over so many cycles a change keeps to the largest accelerations."""
@@ -209,8 +206,7 @@ class VelocityInput:
     Attributes:
         buffer: The one in use: of_task or of_joints.
         is_of_joints: Velocities of all joints are in use.
-        is_open_loop: The newest velocity is of the task and was not computed from a state:
-            teleoperation.
+        is_of_state: The newest velocity was computed from a state; an operator's is not.
     """
 
     def __init__(
@@ -224,11 +220,11 @@ class VelocityInput:
         self.of_joints = TwistBuffer(model.n, controller.T, lag, A)
         self.buffer = self.of_task
         self.is_of_joints = False
-        self.is_open_loop = False
+        self.is_of_state = True
         self._controller = controller
         self._cycles = cycles
         self._cycle = 0  # in which the newest velocity came
-        self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
+        self._arrived = 0.0  # when that was [s]
 
     def enter(
         self,
@@ -237,44 +233,47 @@ class VelocityInput:
         dx: TaskVelocity,
         now: Seconds,
         time_of_day: Nanoseconds,
-    ) -> bool:
-        """Store a velocity in of_task or of_joints; returns whether it belongs to the state that
-        its stamp names. The rest is as of CommandLoop.enter_twist().
+    ) -> None:
+        """Store a velocity in of_task or of_joints; the rest is as of CommandLoop.enter_twist().
 
         Raises:
-            TwistSpeedError: It is too fast.
-            TwistAgeError: It is too old, or stamped too far ahead.
+            VelocityError: It is too fast, too old, or stamped too far ahead.
         """
         self._check_speed(buffer, dx)
         cycles = self._cycles
-        if not cycles.newest:
-            return False  # no state has come that it could belong to
-        stamp = cycles.robot_stamp(stamp, time_of_day, self.settings.command_timeout)
-        if problem := self._age_problem(stamp, now):
-            # After a silence its stamp may be another robot's, whose states have not come yet.
-            if now - cycles.arrived > _SILENT:
-                return False
-            raise TwistAgeError(problem)
+        timeout = self.settings.command_timeout
+        stamp, problem = cycles.judge(stamp, time_of_day, timeout)
+        is_silent = now - cycles.arrived > _SILENT
+        if not cycles.newest or (is_silent and (problem or not stamp)):
+            return  # the states that it belongs to have not come yet
+        if problem:
+            raise VelocityError(
+                f'{problem} (parameter command_timeout); stamp it as the newest joint_states, or 0 '
+                'for now'
+            )
+        if not stamp and now - cycles.woke < _QUEUED:
+            raise VelocityError(
+                f'without a stamp, within {_QUEUED:g} s after a gap of all states: it may have '
+                'been sent long before'
+            )
         if buffer is not self.buffer:
             buffer.clear()
             self.buffer = buffer
             self.is_of_joints = buffer is self.of_joints
             self._controller.follow_joints(self.is_of_joints)
-        of_a_state = stamp > 0 and cycles.is_of_a_state(stamp)
+        self.is_of_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
-        self._time = math.inf if of_a_state else now
-        self.is_open_loop = not (self.is_of_joints or of_a_state)
+        self._arrived = now
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
-        return of_a_state
 
     def _check_speed(self, buffer: TwistBuffer, dx: TaskVelocity | JointVelocities) -> None:
-        """Raise TwistSpeedError for a velocity that is too fast."""
+        """Raise VelocityError for a velocity that is too fast."""
         if buffer is self.of_joints:
             model = self._controller.model
             excess = np.abs(dx) - model.dq_max * (1.0 + _ROUNDING)
             if not (excess <= 0.0).all():
                 joint = int(np.argmax(excess))
-                raise TwistSpeedError(
+                raise VelocityError(
                     f'{model.joint_names[joint]}: {dx[joint]:.6g} rad/s; '
                     f'allowed: {model.dq_max[joint]:.6g}'
                 )
@@ -286,21 +285,7 @@ class VelocityInput:
         ):
             speed = math.hypot(*part.tolist())
             if not speed <= most:
-                raise TwistSpeedError(f'{speed:.6g} {unit}; allowed: {most:g} (parameter {name})')
-
-    def _age_problem(self, stamp: Nanoseconds, now: Seconds) -> str:
-        """Why a velocity cannot be of now by the robot's clock; '' if it can."""
-        cycles = self._cycles
-        if not stamp:
-            if now - cycles.arrived <= _SILENT and now - cycles.woke >= _QUEUED:
-                return ''
-            return (
-                f'without a stamp, within {_QUEUED:g} s after a gap of all states: it may have '
-                'been sent long before'
-            )
-        problem = cycles.age_problem(stamp, self.settings.command_timeout)
-        remedy = ' (parameter command_timeout); stamp it as the newest joint_states, or 0 for now'
-        return problem and problem + remedy
+                raise VelocityError(f'{speed:.6g} {unit}; allowed: {most:g} (parameter {name})')
 
     def is_stale(self, cycle: int, now: Seconds) -> bool:
         """Whether the newest velocity is too old for the state of a cycle: by its stamp, and by its
@@ -308,4 +293,5 @@ class VelocityInput:
         """
         timeout = self.settings.command_timeout
         cycles = cycle - min(self.buffer.newest, self._cycle)
-        return cycles * self._controller.T > timeout or now - self._time > timeout
+        waited = 0.0 if self.is_of_state else now - self._arrived
+        return cycles * self._controller.T > timeout or waited > timeout

@@ -152,6 +152,6 @@ def check_age(stamp: Nanoseconds, cycles: CycleCounter, time_of_day: Nanoseconds
     One stamped by this computer's clock, which shows the time of day, counts by its arrival. Raises
     GoalError if the stamp is more than a second from the robot's clock, and from this computer's.
     """
-    stamp = cycles.robot_stamp(stamp, time_of_day, _TARGET_TIMEOUT)
-    if stamp and (problem := cycles.age_problem(stamp, _TARGET_TIMEOUT)):
+    _, problem = cycles.judge(stamp, time_of_day, _TARGET_TIMEOUT)
+    if problem:
         raise GoalError(f'{problem} (a zero stamp means now)')
