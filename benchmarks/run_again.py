@@ -69,9 +69,9 @@ class Arm:
             self.executor.clock.set_scaling(response.scaling)
         step = self.executor.enter_state(self.stamp, self.q, x, R, self.now)
         if step is not None and step.dx is not None:
-            self.loop.enter_twist(self.stamp, step.dx, self.now)
+            self.loop.enter_velocity(self.stamp, step.dx, self.now)
         if step is not None and step.dq is not None:
-            self.loop.enter_joint_velocity(self.stamp, step.dq, self.now)
+            self.loop.enter_velocity(self.stamp, step.dq, self.now, of_joints=True)
         if response is not None:
             self.q = response.command.q_ref
 

@@ -126,7 +126,7 @@ def our_follower(
     def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
         nonlocal k
         k += 1
-        loop.enter_twist(0, dx[: controller.m], k * T)
+        loop.enter_velocity(0, dx[: controller.m], k * T)
         response = loop.step(round(1e9 * k * T), q, k * T)
         return q if response is None else response.command.q_ref
 

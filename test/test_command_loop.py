@@ -84,7 +84,7 @@ class Robot:
     def steer(self, dx: np.ndarray, stamp: int | None = None) -> Response | None:
         """Give a task velocity, of the newest state by default."""
         at = self.stamp if stamp is None else stamp
-        return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
+        return self.take(self.following.enter_velocity(at, dx, self.now + 3e-4))
 
     def take(self, response: Response | None) -> Response | None:
         if response is not None:
@@ -240,7 +240,7 @@ def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
         if cycle * T < 0.3 or cycle % every:
             continue
         if of_joints:
-            following.enter_joint_velocity(0, np.full(7, 0.5), robot.now + 6e-4)
+            following.enter_velocity(0, np.full(7, 0.5), robot.now + 6e-4, of_joints=True)
         else:
             robot.steer(np.array((0.0, 0.4, 0.3)), stamp=0)
     assert_gentle(robot)
@@ -361,7 +361,7 @@ def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
         else:
             robot.ask()
             with contextlib.suppress(VelocityError):  # right after the gap
-                robot.following.enter_joint_velocity(0, to_the_ends, robot.now)
+                robot.following.enter_velocity(0, to_the_ends, robot.now, of_joints=True)
         assert (robot.q <= model.q_max).all()
         assert (robot.q >= model.q_min).all()
     assert robot.following.safety_filter.count == 0
@@ -515,7 +515,7 @@ def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None
         assert response is not None
         q = response.command.q_ref
         dx = np.array((0.0, 0.05 if cycle < 50 else 0.0, 0.0))  # [m/s]
-        loop.enter_twist(stamp, dx, cycle * period)
+        loop.enter_velocity(stamp, dx, cycle * period)
     assert loop.mode is Mode.HOLDING
     assert 'null-space motion' in loop.error
 
@@ -542,12 +542,12 @@ def test_a_task_velocity_stamped_by_this_computer_is_judged_by_its_arrival(behin
     robot.follow(1, lambda _: np.zeros(3))
     for _ in range(100):
         time_of_day = robot.stamp + round(behind * 1e9)
-        robot.following.enter_twist(time_of_day, GENTLE, robot.now, time_of_day + 1_000_000)
+        robot.following.enter_velocity(time_of_day, GENTLE, robot.now, time_of_day + 1_000_000)
         moving = speed(robot.ask())
     assert moving > 0.0
     late = time_of_day - 200_000_000
     with pytest.raises(VelocityError, match='stamp it as the newest joint_states, or 0 for now'):
-        robot.following.enter_twist(late, GENTLE, robot.now, time_of_day)
+        robot.following.enter_velocity(late, GENTLE, robot.now, time_of_day)
 
 
 @pytest.mark.parametrize('behind', [3.0, -3.0])
@@ -569,7 +569,7 @@ def test_a_task_velocity_of_a_robot_without_a_state_yet_is_passed_over_without_a
     robot.follow(1, lambda _: np.zeros(3))
     silence = 3.0  # [s]
     stamp = robot.stamp + round(silence * 1e9)
-    assert robot.following.enter_twist(stamp, GENTLE, robot.now + silence) is None
+    assert robot.following.enter_velocity(stamp, GENTLE, robot.now + silence) is None
     assert speed(robot.ask()) == 0.0
 
 
@@ -673,7 +673,7 @@ def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() ->
         robot.follow(5)
         robot.cycle += 5_000
         robot.ask(robot.stamp - 20 * 10**9)
-        robot.following.enter_twist(0, GENTLE, robot.now + 0.1)
+        robot.following.enter_velocity(0, GENTLE, robot.now + 0.1)
         robot.cycle += 1
         response = robot.following.step(robot.stamp - 20 * 10**9 + NS, robot.q, robot.now + 0.1)
         assert response is not None and response.scaling == expected

@@ -156,7 +156,7 @@ def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
             np.testing.assert_array_equal(q_ref, response.command.q_ref)
             np.testing.assert_array_equal(dq, response.command.dq)
             probe.steer(DX)
-            loop.enter_twist(probe.stamp, DX, 0.0)
+            loop.enter_velocity(probe.stamp, DX, 0.0)
             q = q_ref
         assert np.linalg.norm(q - START) > 1e-6
 

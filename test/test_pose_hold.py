@@ -51,7 +51,7 @@ class Arm:
                 self.q = response.command.q_ref
                 references.append(self.q)
             dx = velocity(self.cycle * T)
-            self.loop.enter_twist(stamp if stamped else NOW, dx, self.cycle * T + 3e-4)
+            self.loop.enter_velocity(stamp if stamped else NOW, dx, self.cycle * T + 3e-4)
         return references
 
     def turned(self, R: np.ndarray) -> float:

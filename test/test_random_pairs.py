@@ -165,7 +165,7 @@ class World:
 
     def _enter_twist(self, twist: Twist) -> None:
         with suppress(RedresError):  # too old
-            self.loop.enter_twist(twist.stamp, twist.dx, self._now())
+            self.loop.enter_velocity(twist.stamp, twist.dx, self._now())
 
     def _note_mode(self) -> None:
         word = self.loop.mode.value

@@ -145,7 +145,9 @@ def speeds_of(sent: Callable[[int], bool], arrives: Callable[[int], bool]) -> np
         stamp = 10**18 + round(cycle * T * 1e9)
         responses = [loop.step(stamp, q, cycle * T)] if arrives(cycle) else []
         if sent(cycle):
-            responses.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
+            responses.append(
+                loop.enter_velocity(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4)
+            )
         for response in filter(None, responses):
             q = response.command.q_ref
             speeds.append(float(np.linalg.norm(response.command.J @ response.command.dq)))

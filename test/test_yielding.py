@@ -58,7 +58,7 @@ class LoopedArm:
             if torques is not None:
                 self.loop.measurements.enter('external_torques', 0, torques)
             if dx is not None:
-                self.loop.enter_twist(0, dx, self.tick * T)
+                self.loop.enter_velocity(0, dx, self.tick * T)
             stamp = EPOCH + round(self.tick * T * 1e9)
             response = self.loop.step(stamp, self.q, self.tick * T)
             assert response is not None

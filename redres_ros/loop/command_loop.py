@@ -18,7 +18,7 @@ from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
 from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.safety import FaultMonitor, SafetyFilter
-from redres_ros.loop.velocity_input import AUTO, LoopSettings, TwistBuffer, VelocityInput
+from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -266,10 +266,17 @@ class CommandLoop:
         """The newest response is on its way."""
         self._sent = now
 
-    def enter_twist(
-        self, stamp: Nanoseconds, dx: TaskVelocity, now: Seconds, time_of_day: Nanoseconds = 0
+    def enter_velocity(
+        self,
+        stamp: Nanoseconds,
+        dx: TaskVelocity | JointVelocities,
+        now: Seconds,
+        time_of_day: Nanoseconds = 0,
+        *,
+        of_joints: bool = False,
     ) -> Response | None:
-        """The response to the state that waited for this task velocity, if there is one.
+        """The response to the state that waited for this velocity, of the task or of all joints, if
+        there is one. The newest kind counts.
 
         Args:
             stamp: Of the state that it belongs to, or another time on the robot's clock; 0 for now.
@@ -277,24 +284,8 @@ class CommandLoop:
 
         Raises VelocityError for one that is too fast, too old, or stamped too far ahead.
         """
-        return self._enter(self.input.of_task, stamp, dx, now, time_of_day)
-
-    def enter_joint_velocity(
-        self, stamp: Nanoseconds, dq: JointVelocities, now: Seconds, time_of_day: Nanoseconds = 0
-    ) -> Response | None:
-        """As enter_twist(), for velocities of all joints; the newest kind counts."""
-        return self._enter(self.input.of_joints, stamp, dq, now, time_of_day)
-
-    def _enter(
-        self,
-        buffer: TwistBuffer,
-        stamp: Nanoseconds,
-        dx: TaskVelocity,
-        now: Seconds,
-        time_of_day: Nanoseconds,
-    ) -> Response | None:
         kind = self.input.buffer
-        self.input.enter(buffer, stamp, dx, now, time_of_day)
+        self.input.enter(stamp, dx, now, time_of_day, of_joints=of_joints)
         if self.input.buffer is not kind:
             self._approach = None
         return self.respond_if_due(now)
@@ -324,11 +315,8 @@ class CommandLoop:
         """What was missed, what is asked for, the mode that follows, and its command."""
         controller = self._controller
         self._silence = ''
-        if (
-            self._holds
-            and self.mode in MOVING_MODES
-            and state.arrived - self._sent < self._together
-        ):
+        is_together = state.arrived - self._sent < self._together
+        if is_together and self._holds and self.mode in MOVING_MODES:
             controller.published = self._before
         last = self.newest_response
         missed = state.cycle - last.cycle - 1 if last else 0

@@ -228,18 +228,19 @@ class VelocityInput:
 
     def enter(
         self,
-        buffer: TwistBuffer,
         stamp: Nanoseconds,
-        dx: TaskVelocity,
+        dx: TaskVelocity | JointVelocities,
         now: Seconds,
         time_of_day: Nanoseconds,
+        *,
+        of_joints: bool,
     ) -> None:
-        """Store a velocity in of_task or of_joints; the rest is as of CommandLoop.enter_twist().
+        """Store a velocity; arguments as of CommandLoop.enter_velocity().
 
         Raises:
             VelocityError: It is too fast, too old, or stamped too far ahead.
         """
-        self._check_speed(buffer, dx)
+        self._check_speed(dx, of_joints)
         cycles = self._cycles
         timeout = self.settings.command_timeout
         stamp, problem = cycles.judge(stamp, time_of_day, timeout)
@@ -256,19 +257,19 @@ class VelocityInput:
                 f'without a stamp, within {_QUEUED:g} s after a gap of all states: it may have '
                 'been sent long before'
             )
-        if buffer is not self.buffer:
-            buffer.clear()
-            self.buffer = buffer
-            self.is_of_joints = buffer is self.of_joints
-            self._controller.follow_joints(self.is_of_joints)
+        if of_joints is not self.is_of_joints:
+            self.is_of_joints = of_joints
+            self.buffer = self.of_joints if of_joints else self.of_task
+            self.buffer.clear()
+            self._controller.follow_joints(of_joints)
         self.is_of_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
         self._arrived = now
-        buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
+        self.buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
 
-    def _check_speed(self, buffer: TwistBuffer, dx: TaskVelocity | JointVelocities) -> None:
+    def _check_speed(self, dx: TaskVelocity | JointVelocities, of_joints: bool) -> None:
         """Raise VelocityError for a velocity that is too fast."""
-        if buffer is self.of_joints:
+        if of_joints:
             model = self._controller.model
             excess = np.abs(dx) - model.dq_max * (1.0 + _ROUNDING)
             if not (excess <= 0.0).all():

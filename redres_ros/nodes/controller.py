@@ -168,12 +168,13 @@ class ControllerNode(ManagedNode):
         frame = message.header.frame_id
         if self._loop.q is not None and frame not in self._base_frames:
             dx = to_base(dx, self._controller.model, frame, self._loop.q)
-        return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
+        return self._loop.enter_velocity(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
         dq = self._joints.in_order(message, 'velocity')
         stamp = to_nanoseconds(message.header.stamp)
-        return self._loop.enter_joint_velocity(stamp, dq, time.monotonic(), time.time_ns())
+        now = time.monotonic()
+        return self._loop.enter_velocity(stamp, dq, now, time.time_ns(), of_joints=True)
 
     def _respond_if_due(self) -> None:
         self._respond('joint_states', self._loop.respond_if_due, time.monotonic())
