@@ -25,7 +25,7 @@ from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
 from redres_ros.errors import ArrayError
 from redres_ros.graph.client import CallError
-from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, Sampler
+from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, NodeHealth, Sampler
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.controller_telemetry import (
@@ -143,7 +143,7 @@ def test_a_server_without_the_check_is_shut(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
-    shown = panel.state_text(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
+    shown = panel.state_text(dict.fromkeys(WORDS, evil), {'sim': NodeHealth(evil, True)}, 0.0)
     shown += panel.joint_bars([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
     assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 5
 

@@ -3,35 +3,45 @@
 import io
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from graph_helpers import graph
 from rich.console import Console
 
-from redres_ros.graph.monitor import STALE, LastValue, NodeHealth
+from redres_ros.graph import monitor
+from redres_ros.graph.monitor import GraphMonitor, NodeHealth
 from redres_ros.graph.watch import _JointBar, _line, _page
 
-FULL = {
-    'sim': LastValue(NodeHealth('in command', True), 100.0),
-    'sim/session_state': LastValue('CMD', 90.0),
-    'sim/stop_reason': LastValue('', 90.0),
-    'planner': LastValue(NodeHealth('moving', True), 100.0),
-    'planner/state': LastValue('moving', 95.0),
-    'planner/task_error': LastValue(0.00025, 100.0),
-    'planner/progress': LastValue(0.43, 100.0),
-    'controller': LastValue(NodeHealth('commanding', True), 100.0),
-    'controller/law': LastValue('minimum_torque', 100.0),
-    'controller/tip_pose': LastValue((0.1, -0.2, 0.3), 100.0),
-    'controller/joint_torque_norm': LastValue(42.5, 100.0),
+VALUES = {
+    'sim/session_state': 'CMD',
+    'sim/stop_reason': '',
+    'planner/state': 'moving',
+    'planner/task_error': 0.00025,
+    'planner/progress': 0.43,
+    'controller/law': 'minimum_torque',
+    'controller/tip_pose': (0.1, -0.2, 0.3),
+    'controller/joint_torque_norm': 42.5,
+}
+WELL = {
+    'sim': NodeHealth('in command', True),
+    'planner': NodeHealth('moving', True),
+    'controller': NodeHealth('commanding', True),
 }
 
 
-def text_of(received: dict[str, LastValue], now: float, joints: tuple[_JointBar, ...] = ()) -> str:
+def text_of(
+    values: dict[str, object],
+    health: dict[str, NodeHealth] = WELL,
+    joints: tuple[_JointBar, ...] = (),
+) -> str:
     """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(_page(received, now, 7, joints))
+    console.print(_page(values, health, 7, joints))
     return console.export_text()
 
 
@@ -40,7 +50,8 @@ def line_of(text: str, label: str) -> str:
 
 
 def test_where_nobody_is_the_page_says_so_and_what_to_do() -> None:
-    text = text_of({}, 100.0)
+    text = text_of({})
+    assert _line({}, {}, 7) == 'no node in domain 7'
     assert 'No node of redres_ros runs' in text
     assert 'domain 7' in text
     assert '--domain' in text
@@ -48,55 +59,51 @@ def test_where_nobody_is_the_page_says_so_and_what_to_do() -> None:
 
 
 def test_values_have_units() -> None:
-    text = text_of(FULL, 100.5)
+    text = text_of(VALUES)
     assert '0.25 mm' in line_of(text, 'task error')
     assert '42.5 Nm' in line_of(text, 'joint torque')
     assert '43 %' in line_of(text, 'progress')
     assert '+0.1000  -0.2000  +0.3000 m' in line_of(text, ' tip ')
-    assert 'silent' not in text
 
 
 def test_a_robot_that_has_stopped_comes_first() -> None:
-    stopped = {**FULL, 'sim/stop_reason': LastValue('protective stop: joint 1', 100.0)}
-    lines = text_of(stopped, 100.5).splitlines()
+    stopped = {**VALUES, 'sim/stop_reason': 'protective stop: joint 1'}
+    lines = text_of(stopped).splitlines()
     at = next(number for number, line in enumerate(lines) if 'The robot has stopped' in line)
     assert 'protective stop: joint 1' in lines[at]
     assert at < next(number for number, line in enumerate(lines) if 'session' in line)
-    assert 'The robot has stopped' not in text_of(FULL, 100.5)
+    assert 'The robot has stopped' not in text_of(VALUES)
 
 
-def test_a_node_that_has_gone_is_marked_and_no_other() -> None:
-    received = dict(FULL)  # the tip is where the robot's own states say
-    own = [source for source in FULL if source.startswith('controller')]
-    for source in set(own) - {'controller/tip_pose'}:
-        received[source] = LastValue(received[source].value, 100.0 - 2.0 * STALE)
-    text = text_of(received, 100.5)
-    assert 'controller: silent for 6 s' in text
-    assert text.count('silent for') == 1
-    assert text_of(FULL, 112.0).count('silent for 12 s') == 3
+def test_a_node_that_is_silent_is_marked_and_its_last_values_are_in_no_line() -> None:
+    health = {**WELL, 'planner': NodeHealth('silent for 6 s', None)}
+    assert 'planner: silent for 6 s' in text_of(VALUES, health)
+    assert _line(VALUES, health, 7) == (
+        'session CMD, stop reason none, planner silent for 6 s, law minimum_torque'
+    )
+
+
+def test_a_report_counts_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    with graph(lambda: GraphMonitor('test')) as (node, _):
+        status = DiagnosticStatus(name='planner', message='moving', level=DiagnosticStatus.OK)
+        node._on_diagnostics(DiagnosticArray(status=[status]))
+        assert node.health()['sim'] == NodeHealth('no message', None)
+        assert node.health()['planner'] == NodeHealth('moving', True)
+        later = node._reports['planner'][1] + 6.0
+        monkeypatch.setattr(monitor, 'time', SimpleNamespace(monotonic=lambda: later))
+        assert node.health()['planner'] == NodeHealth('silent for 6 s', None)
 
 
 def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() -> None:
     low = _JointBar('shoulder', 0.0, -1.0, ())
     high = _JointBar('elbow', 1.2, 2.0, ('acceleration', 'position'))
-    text = text_of(FULL, 100.5, (low, _JointBar('middle', 0.5, 0.0, ()), high))
+    text = text_of(VALUES, WELL, (low, _JointBar('middle', 0.5, 0.0, ()), high))
     bars = [line_of(text, name) for name in ('shoulder', 'middle', 'elbow')]
     before = [bar.partition('●')[0].count('─') for bar in bars]
     after = [bar.partition('●')[2].count('─') for bar in bars]
     assert before[0] == after[2] == 0 and before[1] == after[1] > 0
     assert 'acceleration   position' in bars[2] and 'acceleration' not in bars[0]
     assert '+114.6°' in bars[2]
-
-
-def test_a_line_reports_what_matters_most_and_who_is_not_there() -> None:
-    there = {
-        source: received for source, received in FULL.items() if not source.startswith('planner')
-    }
-    assert _line(there, 100.5, 7) == (
-        'session CMD, stop reason none, planner no message, law minimum_torque'
-    )
-    assert 'controller silent for 12 s' in _line(FULL, 112.0, 7)
-    assert _line({}, 100.0, 7) == 'no node in domain 7'
 
 
 WATCH = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain']

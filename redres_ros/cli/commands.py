@@ -163,7 +163,7 @@ def _view(options: argparse.Namespace) -> int:
 
 def _watch(options: argparse.Namespace) -> int:
     from redres_ros.graph.client import GraphClient
-    from redres_ros.graph.watch import Watch, watch
+    from redres_ros.graph.watch import Watch
     from redres_ros.nodes.runtime import spun
 
     texts = options.set or []
@@ -179,7 +179,7 @@ def _watch(options: argparse.Namespace) -> int:
             print(f'controller: {", ".join(texts)}', flush=True)
             if options.duration == 0.0:
                 return 0
-        watch(node, options.duration)
+        node.run(options.duration)
         return 0 if node.values else 1
 
 

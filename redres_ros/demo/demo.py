@@ -170,7 +170,7 @@ class Demo:
         time.sleep(_SETTLING)
         self._look(monitor)
         if self._log.ending() != _FINISHED:
-            reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
+            reasons = [f'{node}: {report.text}' for node, report in monitor.health().items()]
             print('; '.join(('the task was not finished', *reasons)), flush=True)
 
     def _start_task(self, monitor: GraphMonitor) -> None:

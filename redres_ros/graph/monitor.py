@@ -5,7 +5,7 @@ the state of the arm.
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -40,8 +40,8 @@ from redres_ros.types import finite_vector
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
 NODES = ('sim', 'planner', 'controller')
-STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
 
+_STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
 _STATES = 'joint_states'
 _SILENCE = 1.0  # [s] without a snapshot after which the robot's own states are read
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
@@ -114,26 +114,18 @@ class Sampler:
         self._node.destroy_node()
 
 
-@dataclass(frozen=True)
-class LastValue:
-    """A value, and the instant [s] at which it came."""
-
-    value: object
-    at: float
-
-
 class NodeHealth(NamedTuple):
-    """A node's own report, and whether all is well."""
+    """A node's own report, and whether all is well; None: it is silent."""
 
     text: str
-    is_well: bool
+    is_well: bool | None
 
 
 class GraphMonitor(Node):
     """Receives what the nodes publish anyway, so that observing costs them almost nothing.
 
     Attributes:
-        values: The newest of each topic, and the NodeHealth of a node under the node's name.
+        values: The newest of each topic.
         samples: Messages of fast topics, which wait until they are taken.
         client: Calls the nodes' services.
         on_parameters: Called with the node and the changed values when parameters change.
@@ -141,7 +133,8 @@ class GraphMonitor(Node):
 
     def __init__(self, name: str, namespace: str = '', patience: float = 5.0) -> None:
         super().__init__(name, namespace=namespace or None)
-        self.values: dict[str, LastValue] = {}
+        self.values: dict[str, Any] = {}
+        self._reports: dict[str, tuple[NodeHealth, float]] = {}  # by node, with their times [s]
         self.samples = Sampler(self)
         self.client = GraphClient(self, patience)
         self.on_parameters: Callable[[str, dict[str, Any]], None] = lambda node, values: None
@@ -152,18 +145,15 @@ class GraphMonitor(Node):
 
     def word(self, topic: str) -> str:
         """The newest text of a topic; empty before there is one."""
-        return str(self.values[topic].value) if topic in self.values else ''
+        return str(self.values.get(topic, ''))
 
-    def health(self) -> dict[str, str]:
-        """The last report of each node, or the duration of its silence."""
-        now = time.monotonic()
-        health = {}
-        for node in NODES:
-            last = self.values.get(node)
-            if last is not None and isinstance(last.value, NodeHealth):
-                silence = now - last.at
-                is_silent = silence >= STALE
-                health[node] = f'silent for {silence:.0f} s' if is_silent else last.value.text
+    def health(self) -> dict[str, NodeHealth]:
+        """The last report of each node, or for how long it has been silent."""
+        health = dict.fromkeys(NODES, NodeHealth('no message', None))
+        for node, (report, at) in self._reports.items():
+            silence = time.monotonic() - at
+            is_silent = silence >= _STALE
+            health[node] = NodeHealth(f'silent for {silence:.0f} s', None) if is_silent else report
         return health
 
     def progress(self) -> float:
@@ -181,13 +171,11 @@ class GraphMonitor(Node):
         message = self.samples.newest(topic)
         if message is not None:
             self.keep(topic, message.data)
-        return self.values[topic].value if topic in self.values else default
+        return self.values.get(topic, default)
 
-    def keep(self, source: str, value: object) -> None:
-        """Store a value of a topic, or of the node of that name, with the present time."""
-        if isinstance(value, str):
-            value = one_line(value)  # anyone may have published it
-        self.values[source] = LastValue(value, time.monotonic())
+    def keep(self, topic: str, value: object) -> None:
+        """Store a value of a topic; a text may be anyone's."""
+        self.values[topic] = one_line(value) if isinstance(value, str) else value
 
     def destroy_node(self) -> None:
         """Release this node, and that of the samples."""
@@ -201,8 +189,9 @@ class GraphMonitor(Node):
         for status in message.status:
             name = self._own(status.name)
             if name in NODES:
-                summary = one_line(status.message)
-                self.keep(name, NodeHealth(summary, status.level == DiagnosticStatus.OK))
+                is_well = status.level == DiagnosticStatus.OK
+                report = NodeHealth(one_line(status.message), is_well)
+                self._reports[name] = (report, time.monotonic())
 
     def _on_event(self, message: ParameterEvent) -> None:
         name = self._own(message.node)

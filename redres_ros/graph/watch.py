@@ -17,7 +17,7 @@ from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.command import VALUES
 from redres_ros.errors import RedresError
-from redres_ros.graph.monitor import STALE, GraphMonitor, LastValue, LiveArm, NodeHealth
+from redres_ros.graph.monitor import GraphMonitor, LiveArm, NodeHealth
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
@@ -25,6 +25,7 @@ _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]
 _BAR = 33  # letters of a joint's bar
 _NEAR = 0.06  # of the range, from an end
+_STYLES = {True: 'green', False: 'yellow', None: 'dim'}
 
 _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
@@ -79,7 +80,7 @@ class _JointBar(NamedTuple):
 
 
 class Watch(GraphMonitor):
-    """Keeps the newest value of every topic on the page, with its time."""
+    """Shows the newest value of every topic on its page."""
 
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
@@ -87,16 +88,44 @@ class Watch(GraphMonitor):
         self._is_known = True  # whether the arm is known here
         self.on_parameters = self._on_parameters
 
-    def page(self) -> RenderableType:
-        """The page as it is now."""
+    def run(self, duration: float | None = None) -> None:
+        """Show the page for that time [s], or until Ctrl-C.
+
+        In a pipe or a file, print a line a second, and the page once, at the end.
+        """
+        until = time.monotonic() + duration if duration is not None else math.inf
         domain = self.context.get_domain_id()
-        return _page(dict(self.values), time.monotonic(), domain, self._joints())
+        console = Console()
+        live = Live(self._page(domain), console=console, refresh_per_second=_REFRESH)
+        due = 0.0  # [s] when the next line is
+        with live if console.is_terminal else nullcontext():
+            while rclpy.ok() and time.monotonic() < until:
+                time.sleep(1.0 / _REFRESH)
+                self._look()
+                if console.is_terminal:
+                    live.update(self._page(domain))
+                elif time.monotonic() >= due:
+                    due = time.monotonic() + _LINE_EVERY
+                    print(_line(dict(self.values), self.health(), domain), flush=True)
+        if not console.is_terminal:
+            console.print(self._page(domain))
 
-    def line(self) -> str:
-        """The most important values, in a line."""
-        return _line(dict(self.values), time.monotonic(), self.context.get_domain_id())
+    def _page(self, domain: int) -> RenderableType:
+        joints = []
+        if self._arm is not None:
+            acting = self.limits()
+            joints = [
+                _JointBar(name, fraction, q, sorted(acting.get(name, ())))
+                for name, fraction, q in zip(
+                    self._arm.model.joint_names,
+                    self._arm.fractions().tolist(),
+                    self._arm.q.tolist(),
+                    strict=True,
+                )
+            ]
+        return _page(dict(self.values), self.health(), domain, joints)
 
-    def look(self) -> None:
+    def _look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
         for topic, kind in _FOLLOWED.items():
             self.sampled(topic, kind)
@@ -108,88 +137,54 @@ class Watch(GraphMonitor):
             except RedresError:
                 self._is_known = False  # the page shows the rest
         if self._arm is not None:
-            self._look_at(self._arm)
-
-    def _look_at(self, arm: LiveArm) -> None:
-        before = arm.q
-        # A snapshot has all figures: subscribing to each would cost the controller time.
-        for figures in arm.look()[-1:]:
-            for name in VALUES:
-                self.keep(f'controller/{name}', getattr(figures, name))
-        if arm.q is not before:  # measured anew, if not by the controller
-            self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
-
-    def _joints(self) -> list[_JointBar]:
-        arm = self._arm
-        if arm is None:
-            return []
-        acting = self.limits()
-        placed = zip(arm.model.joint_names, arm.fractions().tolist(), arm.q.tolist(), strict=True)
-        return [
-            _JointBar(name, fraction, q, sorted(acting.get(name, ())))
-            for name, fraction, q in placed
-        ]
+            before = self._arm.q
+            # A snapshot has all figures: subscribing to each would cost the controller time.
+            for figures in self._arm.look()[-1:]:
+                for name in VALUES:
+                    self.keep(f'controller/{name}', getattr(figures, name))
+            if self._arm.q is not before:  # measured anew, if not by the controller
+                self.keep(_TIP, tuple(self._arm.model.tip(self._arm.q)[0].tolist()))
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         if node == 'controller' and 'law' in values:
             self.keep(_LAW, values['law'])
 
 
-def watch(node: Watch, duration: float | None = None) -> None:
-    """Show the page for that time [s], or until Ctrl-C.
-
-    In a pipe or a file, print a line a second, and the page once, at the end.
-    """
-    until = time.monotonic() + duration if duration is not None else math.inf
-    console = Console()
-    live = Live(node.page(), console=console, refresh_per_second=_REFRESH)
-    due = 0.0  # [s] when the next line is
-    with live if console.is_terminal else nullcontext():
-        while rclpy.ok() and time.monotonic() < until:
-            time.sleep(1.0 / _REFRESH)
-            node.look()
-            if console.is_terminal:
-                live.update(node.page())
-            elif time.monotonic() >= due:
-                due = time.monotonic() + _LINE_EVERY
-                print(node.line(), flush=True)  # a pipe would keep it back
-    if not console.is_terminal:
-        console.print(node.page())
-
-
 def _page(
-    received: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[_JointBar] = ()
+    values: Mapping[str, Any],
+    health: Mapping[str, NodeHealth],
+    domain: int,
+    joints: Sequence[_JointBar] = (),
 ) -> RenderableType:
-    """The whole page at an instant [s]; the NodeHealth of a node is received under its name."""
+    """The whole page, of the newest values by topic."""
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
-    if not received:
+    if not values:
         text = (
             f'No node of redres_ros runs in domain {domain}.\n'
             'Start one, for example with `redres demo`, which prints its domain, or pass --domain.'
         )
         return Group(title, Text(text, style='yellow'))
     parts: list[RenderableType] = [title]
-    if REASON in received and received[REASON].value:
-        stop = f'The robot has stopped: {received[REASON].value}\nThe service sim/reset clears it.'
+    if values.get(REASON):
+        stop = f'The robot has stopped: {values[REASON]}\nThe service sim/reset clears it.'
         parts.append(Panel(Text(stop), style='bold red', expand=False))
-    parts += [_node_panel(received, node, now) for node in _ROWS]
+    parts += [_node_panel(values, node, health[node]) for node in _ROWS]
     if joints:
         parts.append(_joint_panel(joints))
     return Group(*parts)
 
 
-def _line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
-    """The most important values of the page at an instant [s], in a line."""
-    if not received:
+def _line(values: Mapping[str, Any], health: Mapping[str, NodeHealth], domain: int) -> str:
+    """The most important values of the page, in a line."""
+    if not values:
         return f'no node in domain {domain}'
     parts = []
     for node, rows in _ROWS.items():
-        silence = _silence(received, node, now)
-        if silence > STALE:
-            parts.append(f'{node} {_absence(silence)}')
+        if health[node].is_well is None:
+            parts.append(f'{node} {health[node].text}')
             continue
-        shown = [row for row in rows if row.in_line and row.topic in received]
-        parts += [f'{row.label} {_words(received[row.topic].value, row)}' for row in shown]
+        shown = [row for row in rows if row.in_line and row.topic in values]
+        parts += [f'{row.label} {_words(values[row.topic], row)}' for row in shown]
     return ', '.join(parts)
 
 
@@ -198,33 +193,15 @@ def is_near_an_end(fraction: float) -> bool:
     return min(fraction, 1.0 - fraction) < _NEAR
 
 
-def _silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
-    """Time since the last message of a node [s]; infinite if there was none."""
-    sources = {node, *(row.topic for row in _ROWS[node])} - {_TIP}  # known without the controller
-    ages = [now - received[source].at for source in sources if source in received]
-    return min(ages, default=math.inf)
-
-
-def _absence(silence: float) -> str:
-    return 'no message' if silence == math.inf else f'silent for {silence:.0f} s'
-
-
-def _node_panel(received: Mapping[str, LastValue], node: str, now: float) -> Panel:
+def _node_panel(values: Mapping[str, Any], node: str, health: NodeHealth) -> Panel:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(min_width=28)
     table.add_column(min_width=30)
     for row in _ROWS[node]:
-        words = _words(received[row.topic].value, row) if row.topic in received else '-'
+        words = _words(values[row.topic], row) if row.topic in values else '-'
         table.add_row(row.label, Text(words))
-    value = received[node].value if node in received else None
-    health = value if isinstance(value, NodeHealth) else NodeHealth('running', True)
-    text = health.text
-    style = 'green' if health.is_well else 'yellow'
-    silence = _silence(received, node, now)
-    if silence > STALE:
-        text = _absence(silence)
-        style = 'dim'
-    title = Text(f'{node}: {text}')
+    title = Text(f'{node}: {health.text}')
+    style = _STYLES[health.is_well]
     return Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
 
 

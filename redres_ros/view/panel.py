@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from redres_ros.graph.monitor import NODES
+from redres_ros.graph.monitor import NodeHealth
 from redres_ros.graph.watch import is_near_an_end
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
@@ -25,7 +25,7 @@ _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 
 
-def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
+def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progress: float) -> str:
     """Session, planner and controller as HTML, and why the robot has stopped, if it has; words by
     topic, and the progress of a goal, 0 to 1, while it is under way.
     """
@@ -44,9 +44,8 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
     ):
         word = _escaped(words[topic] or 'no message')
         lines.append(f'<div>{name}: <b>{word}</b> {_dim(more)}</div>')
-    for node in NODES:
-        text = health.get(node, 'no message')
-        lines.append(f'<div>{_dim(f"{node}: {text}")}</div>')
+    for node, report in health.items():
+        lines.append(f'<div>{_dim(f"{node}: {report.text}")}</div>')
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
