@@ -148,7 +148,7 @@ REFUSED = [
     ('demo --period 0', 'period is 0.0; allowed: 0.0005'),
     ('demo --period nan', 'period is nan; allowed: 0.0005'),
     ('demo --task foo', "unknown task 'foo'; allowed: "),
-    ('demo --out /dev/null/here', 'cannot make the directory /dev/null/here'),
+    ('demo --out /dev/null/here', 'cannot write /dev/null/here/motion.csv: Not a directory'),
     ('demo --domain 500', 'ROS domain is 500 (--domain or ROS_DOMAIN_ID); allowed: 0 to 232'),
 ]
 
@@ -179,7 +179,7 @@ def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ('name', 'reason'),
-    [('.', 'Is a directory'), ('file/a.csv', 'is not a directory'), ('x' * 300, 'too long')],
+    [('.', 'Is a directory'), ('file/a.csv', 'File exists'), ('x' * 300, 'too long')],
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     short, tmp_path, capsys, name, reason

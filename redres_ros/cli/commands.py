@@ -12,8 +12,8 @@ from redres_ros.cli.options import (
     add_command,
     add_graph,
     check_range,
+    check_writable,
     graph_name,
-    made,
     option,
     read_settings,
 )
@@ -94,7 +94,8 @@ def _reproduce(options: argparse.Namespace) -> int:
 
     import_module('scipy')  # an extra, asked for before a minute has passed
     runs = Runs()
-    out = made(options.out, 'claims.csv')
+    out = options.out
+    check_writable(out / 'claims.csv')
     with progress_bar('simulations and experiments') as progress:
         runs.prepare(progress)
     with progress_bar('figures') as progress:

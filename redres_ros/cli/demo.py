@@ -12,13 +12,16 @@ from redres_ros.cli.options import (
     add_command,
     add_motion,
     check_range,
-    made,
+    check_writable,
     option,
 )
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
+
+_LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner')]
+_FILES = ('motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
 
 
 def add(commands: Any) -> None:
@@ -51,12 +54,12 @@ def add(commands: Any) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from redres_ros.files.processes import handle, handled
+    from redres_ros.files.processes import handled
     from redres_ros.nodes.runtime import own_domain
     from redres_ros.simulation.report import progress_bar
 
     demo = _make_demo(options)
-    handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps the results
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C, which keeps the results
     with own_domain(options.domain) as domain, progress_bar(demo.title) as progress:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
@@ -85,15 +88,14 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     motion.law(options.law).check_damping(options.period)
     parameters = node_parameters(motion)
     page = {'patience': START_PATIENCE, 'plugins': parameters['plugins']}
-    logs = [f'{name}.log' for name in ('sim', 'controller', 'planner')]
-    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *logs)
+    check_writable(*(options.out / name for name in _FILES))
     motion.controller()
     return Demo(
         motion.task,
         motion.model,
         motion.law,
         {**parameters, 'plant': options.plant, 'lockstep': options.lockstep},
-        out,
+        options.out,
         options.duration,
         page if options.view else None,
     )

@@ -1,14 +1,13 @@
-"""The parser, the options that several subcommands share, and the files that they name."""
+"""The parser, and the options that several subcommands share."""
 
 import argparse
-import os
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from redres_ros.errors import FileError, RangeError, RedresError, quoted
+from redres_ros.errors import RangeError, RedresError, quoted
 
 NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
@@ -210,33 +209,13 @@ def read_settings(texts: Iterable[str]) -> dict[str, Any]:
     return values
 
 
-# --- files, which are checked before a long computation begins ------------------------------------
+def check_writable(*paths: Path) -> None:
+    """Raise FileError for a file that cannot be written, before a long computation begins."""
+    from redres_ros.files.text import writing
 
-
-def made(directory: Path, *names: str) -> Path:
-    """The directory, created if needed, and checked to be writable, with files of those names.
-    Raises FileError.
-    """
-    from redres_ros.files.text import attempting
-
-    with attempting(f'make the directory {directory}'):
-        directory.mkdir(parents=True, exist_ok=True)
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise FileError(f'cannot write into {directory}: permission denied')
-    for name in names:
-        check_writable(directory / name)
-    return directory
-
-
-def check_writable(path: Path) -> None:
-    """Raise FileError if a file cannot be written; does not write it."""
-    from redres_ros.files.text import attempting
-
-    with attempting(f'write {path}'):
-        if path.is_dir():
-            raise FileError(f'cannot write {path}: Is a directory')
-        existing = next(place for place in (path, *path.parents) if place.exists())
-    if existing != path and not existing.is_dir():
-        raise FileError(f'cannot write {path}: {existing} is not a directory')
-    if not os.access(existing, os.W_OK):
-        raise FileError(f'cannot write {path}: permission denied')
+    for path in paths:
+        with writing(path):
+            is_new = not path.exists()
+            path.open('a').close()
+            if is_new:
+                path.unlink()

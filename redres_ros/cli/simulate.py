@@ -13,7 +13,6 @@ from redres_ros.cli.options import (
     add_loop,
     add_motion,
     check_writable,
-    made,
     number_in,
     option,
 )
@@ -100,7 +99,7 @@ def _compare(options: argparse.Namespace) -> int:
     picture = out / 'comparison.png'
     for name in motions:  # such as minimum_acceleration_5.csv
         files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
-    made(out, *(path.name for path in (picture, *files.values())))
+    check_writable(picture, *files.values())
 
     def compute(name: str) -> 'Recording':
         return run(motions[name].controller(), motion.task, greedy=options.greedy)

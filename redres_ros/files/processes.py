@@ -30,12 +30,6 @@ def end_with_parent(number: signal.Signals) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
 
 
-def handle(handler: _Handler, *numbers: signal.Signals) -> None:
-    """Have signals go to a handler from now on."""
-    for number in numbers:
-        signal.signal(number, handler)
-
-
 @contextmanager
 def handled(handler: _Handler, *numbers: signal.Signals) -> Iterator[None]:
     """Send signals to a handler within the block; restore the previous handler afterwards."""
@@ -45,22 +39,6 @@ def handled(handler: _Handler, *numbers: signal.Signals) -> Iterator[None]:
     finally:
         for number, usual in before.items():
             signal.signal(number, usual)
-
-
-@contextmanager
-def _swallowed_quietly() -> Iterator[None]:
-    """Have Python not print the KeyboardInterrupt that a callback from C swallows."""
-    usual = sys.unraisablehook
-
-    def report(unraisable: Any) -> None:
-        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-            usual(unraisable)
-
-    sys.unraisablehook = report
-    try:
-        yield
-    finally:
-        sys.unraisablehook = usual
 
 
 @contextmanager
@@ -75,12 +53,21 @@ def interruptible() -> Iterator[None]:
         yield
         return
     interrupts: list[int] = []
+    usual = sys.unraisablehook
 
-    def note(number: int, frame: FrameType | None) -> None:
+    def _note(number: int, frame: FrameType | None) -> None:
         interrupts.append(number)
         signal.default_int_handler(number, frame)
 
-    with handled(note, signal.SIGINT), _swallowed_quietly():
-        yield
+    def _report(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):  # which a callback swallowed
+            usual(unraisable)
+
+    sys.unraisablehook = _report
+    try:
+        with handled(_note, signal.SIGINT):
+            yield
+    finally:
+        sys.unraisablehook = usual
     if interrupts:
         raise KeyboardInterrupt

@@ -9,8 +9,6 @@ from typing import Any
 
 from redres_ros.errors import FileError, reason_of
 
-_MOST_NODES = 100_000  # of a YAML file, every alias counted as what it stands for
-
 
 @contextmanager
 def attempting(what: str) -> Iterator[None]:
@@ -54,28 +52,11 @@ def read_yaml(path: Path) -> Any:
 
     text = read_text(path)
     try:
-        node = yaml.compose(text, yaml.SafeLoader)
-        if node and _size(node, {}) > _MOST_NODES:
-            raise yaml.YAMLError(f'its aliases stand for more than {_MOST_NODES} values')
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a number too long
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None
-
-
-def _size(node: Any, known: dict[int, float]) -> float:
-    """Number of nodes, a shared one counted as often as it is used; infinite for one within itself.
-
-    Known are the sizes of the nodes that were counted already, by their identity.
-    """
-    if isinstance(node.value, str):
-        return 1.0
-    if id(node) not in known:
-        known[id(node)] = math.inf  # until it is counted: a node found here contains itself
-        pairs = [item if isinstance(item, tuple) else (item,) for item in node.value]
-        known[id(node)] = 1.0 + sum(_size(child, known) for pair in pairs for child in pair)
-    return known[id(node)]
 
 
 def _finite(value: Any) -> Any:

@@ -24,7 +24,7 @@ from rclpy.task import Future
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from redres_ros.errors import RedresError, reason_of
-from redres_ros.files.processes import end_with_parent, handle, open_error_output
+from redres_ros.files.processes import end_with_parent, open_error_output
 from redres_ros.nodes.parameters import warn_of_misspelt
 from redres_ros.types import Seconds
 
@@ -217,7 +217,8 @@ def run_nodes(
     stopped = threading.Event()
     # Results are looked at; numpy's warning would be a second line.
     np.seterr(over='ignore', invalid='ignore')
-    handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
     _watch_parent(stopped)
     try:
         start(arguments, domain)
@@ -257,5 +258,5 @@ def _spin(nodes: list[Node], stopped: threading.Event) -> None:
         else:
             spinner.spin()
     finally:
-        handle(signal.SIG_IGN, signal.SIGINT)  # under ros2 launch Ctrl-C arrives twice
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # under ros2 launch Ctrl-C arrives twice
         spinner.close()

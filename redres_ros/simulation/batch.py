@@ -17,7 +17,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.plugins import load_plugins
-from redres_ros.files.processes import end_with_parent, handle
+from redres_ros.files.processes import end_with_parent
 from redres_ros.parameter import as_tuple, check_parameters, param
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
@@ -240,7 +240,8 @@ def _processes(most: int, shared: Any = None) -> Iterator[Executor]:
 def _begin(shared: Any) -> None:
     # Ctrl-C and Slurm's SIGTERM reach all processes: end silently.
     global _shared
-    handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     end_with_parent(signal.SIGKILL)  # else it would wait for ever
     _shared = shared
 
