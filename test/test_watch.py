@@ -95,14 +95,14 @@ def test_a_report_counts_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() -> None:
-    low = _JointBar('shoulder', 0.0, -1.0, ())
-    high = _JointBar('elbow', 1.2, 2.0, ('acceleration', 'position'))
-    text = text_of(VALUES, WELL, (low, _JointBar('middle', 0.5, 0.0, ()), high))
+    low = _JointBar('shoulder', 0.0, -1.0, '')
+    high = _JointBar('elbow', 1.2, 2.0, 'position')
+    text = text_of(VALUES, WELL, (low, _JointBar('middle', 0.5, 0.0, ''), high))
     bars = [line_of(text, name) for name in ('shoulder', 'middle', 'elbow')]
     before = [bar.partition('●')[0].count('─') for bar in bars]
     after = [bar.partition('●')[2].count('─') for bar in bars]
     assert before[0] == after[2] == 0 and before[1] == after[1] > 0
-    assert 'acceleration   position' in bars[2] and 'acceleration' not in bars[0]
+    assert 'position' in bars[2] and 'position' not in bars[0]
     assert '+114.6°' in bars[2]
 
 

@@ -31,14 +31,10 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one subcommand; every error becomes one line.
+    """Run one subcommand, by default that of this process; every error becomes one line.
 
-    Args:
-        arguments: What follows the word redres; None: those of this process.
-
-    Returns:
-        0 if the command did what it was asked to do, 1 if not, 2 for a wrong command line, and
-        130 after Ctrl-C.
+    Returns 0 if it did what it was asked to do, 1 if not, 2 for a wrong command line, and 130 after
+    Ctrl-C.
     """
     try:
         from redres_ros.files.processes import open_error_output

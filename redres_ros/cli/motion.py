@@ -34,11 +34,6 @@ class NamedMotion(NamedTuple):
     model: RobotModel
     case: Case
 
-    @property
-    def is_pose(self) -> bool:
-        """Whether the points have orientations."""
-        return self.task.orientations is not None
-
     def law(self, name: str) -> Law:
         """The law of that name with the gains of the case."""
         return LAWS.resolve(name, self.case.gains)
@@ -54,22 +49,18 @@ class NamedMotion(NamedTuple):
 
     def controller(self, switch_time: float = 0.0) -> Controller:
         """The controller of the case. Raises RedresError for a value that is not allowed."""
-        return make_controller(self.case, self.model, pose=self.is_pose, switch_time=switch_time)
+        pose = self.task.orientations is not None
+        return make_controller(self.case, self.model, pose=pose, switch_time=switch_time)
 
 
 def find_motion(
     options: argparse.Namespace, laws: Sequence[str], default: str = 'rectangle'
 ) -> NamedMotion:
-    """The motion under the first of some laws; the others are in use, too.
+    """The motion under the first of some laws, where the others are in use, too; with that task if
+    neither a task nor a robot is named.
 
-    Args:
-        options: The command line.
-        laws: Names of laws.
-        default: The task if neither a task nor a robot is named.
-
-    Raises:
-        RedresError: A name that is in no table, a file that cannot be used, a task and a robot that
-            do not go together, a gain of what is not in use.
+    Raises RedresError for a name that is in no table, a file that cannot be used, a task and a
+    robot that do not go together, or a gain of what is not in use.
     """
     name = options.task or ('' if options.robot else default)
     given = load_task(name) if name else None
@@ -134,7 +125,7 @@ def node_parameters(motion: NamedMotion) -> dict[str, Any]:
         'rate': 1.0 / case.T,
         'robot': motion.task.robot,
         'task': motion.name,
-        'task_space': 'pose' if motion.is_pose else 'position',
+        'task_space': 'position' if motion.task.orientations is None else 'pose',
     }
     if case.tip_frame:
         parameters['tip_frame'] = case.tip_frame

@@ -43,11 +43,7 @@ def add_command(
 ) -> Parser:
     """Declare a subcommand by the function that runs it, which has its name.
 
-    Args:
-        commands: What argparse's add_subparsers gave.
-        run: Runs the subcommand; its exit status.
-        says: What it does, as the list of all commands says it.
-        examples: Command lines without `redres NAME`; after # a remark, if one is needed.
+    Examples are command lines without `redres NAME`; after # there may be a remark.
     """
     name = run.__name__.strip('_')
     lines = [example.partition('#') for example in examples]
@@ -73,29 +69,22 @@ def option(
     within: tuple[float, float, str] | None = None,
     **others: Any,
 ) -> None:
-    """Declare an option with a value, of the type of its default.
-
-    Args:
-        group: A parser, or a group of its options.
-        name: Such as '--period'.
-        metavar: Stands for the value in the help; None for the name's, or for choices.
-        says: What it means.
-        default: Its value when it is not given, which the help shows if it says something.
-        within: The least and the largest number that are allowed, and their unit; None: any.
-        **others: As add_argument takes them, such as the type if there is no default.
+    """Declare an option with a value, of the type of its default, which the help shows if it says
+    something; `within`: the least and the largest number that are allowed, and their unit. Others
+    are as add_argument takes them.
     """
     kind: Any = others.pop('type', str if default is None else type(default))
 
-    def read(text: str) -> Any:
+    def _read(text: str) -> Any:
         value = kind(text)
         if within:
             check_range(name.lstrip('-'), value, within)
         return value
 
-    read.__name__ = kind.__name__  # for argparse, which says: invalid int value
+    _read.__name__ = kind.__name__  # for argparse, which says: invalid int value
     if default not in (None, ''):
         says += f'; default: {default:g}' if isinstance(default, float) else f'; default: {default}'
-    group.add_argument(name, type=read, metavar=metavar, default=default, help=says, **others)
+    group.add_argument(name, type=_read, metavar=metavar, default=default, help=says, **others)
 
 
 def check_range(name: str, value: float, within: tuple[float, float, str]) -> None:
@@ -114,12 +103,8 @@ def number_in(option: str, text: str, number: str, expected: str) -> float:
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
-    """Arm, task, law and limits: the options of every motion.
-
-    Args:
-        parser: Parser of the subcommand.
-        several_laws: The laws that are compared unless others are named; empty: there is one law.
-        limits: Those that are in force unless others are named.
+    """Arm, task, law and limits: the options of every motion, with the limits that are in force by
+    default, and the laws if several are compared.
     """
     arm = parser.add_argument_group('arm and task')
     points = "the points to pass; default: rectangle, or with --robot that robot's own"

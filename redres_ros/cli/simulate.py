@@ -19,7 +19,6 @@ from redres_ros.cli.options import (
 
 if TYPE_CHECKING:
     from redres_ros.simulation.batch import Case
-    from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 
@@ -101,11 +100,12 @@ def _compare(options: argparse.Namespace) -> int:
         files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
     check_writable(picture, *files.values())
 
-    def compute(name: str) -> 'Recording':
-        return run(motions[name].controller(), motion.task, greedy=options.greedy)
-
     with progress_bar(f'{len(motions)} laws') as progress:
-        results = in_parallel(compute, list(motions), progress)
+        results = in_parallel(
+            lambda each: run(each.controller(), each.task, greedy=options.greedy),
+            list(motions.values()),
+            progress,
+        )
     recordings = dict(zip(motions, results, strict=True))
     efforts = {name: Effort.of(each, motion.model) for name, each in recordings.items()}
     for name, path in files.items():

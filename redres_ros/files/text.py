@@ -11,7 +11,7 @@ from redres_ros.errors import FileError, reason_of
 
 
 @contextmanager
-def attempting(what: str) -> Iterator[None]:
+def _attempting(what: str) -> Iterator[None]:
     """Raise FileError if the block fails, which does something, named in words, to a file."""
     try:
         yield
@@ -22,7 +22,7 @@ def attempting(what: str) -> Iterator[None]:
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """For a block that writes a file, in a folder that is made if need be. Raises FileError."""
-    with attempting(f'write {path}'):
+    with _attempting(f'write {path}'):
         path.parent.mkdir(parents=True, exist_ok=True)
         yield
 
@@ -40,7 +40,7 @@ def read_text(path: Path) -> str:
     """The content of a file, in UTF-8. Raises FileError, also for a pipe or a device: reading some
     has no end.
     """
-    with attempting(f'read {path}'):
+    with _attempting(f'read {path}'):
         if path.exists() and not path.is_file():
             raise ValueError('it is no regular file')
         return path.read_text(encoding='utf-8')

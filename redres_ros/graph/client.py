@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from types import NoneType
 from typing import Any
 
 import rclpy
@@ -61,14 +62,15 @@ class GraphClient:
             time.sleep(_LOOK)
         raise CallError(f'{client.srv_name} did not respond within {self._patience:g} s')
 
-    def trigger(self, service: str) -> str:
-        """The message of a Trigger service. Raises CallError."""
-        return _message(service, self.call(Trigger, service, Trigger.Request()))
-
-    def hold(self, held: bool) -> str:
-        """The controller's message to hold or resume. Raises CallError."""
-        service = 'controller/hold'
-        return _message(service, self.call(SetBool, service, SetBool.Request(data=held)))
+    def trigger(self, service: str, data: bool | None = None) -> str:
+        """The message of a Trigger service, or with data of a SetBool. Raises CallError."""
+        if data is None:
+            response = self.call(Trigger, service, Trigger.Request())
+        else:
+            response = self.call(SetBool, service, SetBool.Request(data=data))
+        if not response.success:
+            raise CallError(f'{service}: {response.message}')
+        return str(response.message)
 
     def set_parameters(self, of: str, values: Mapping[str, Any]) -> None:
         """Set all of these parameters of a node or none. Raises CallError."""
@@ -89,11 +91,12 @@ class GraphClient:
             wanted = listed.result.names
         request = GetParameters.Request(names=wanted)
         response = self.call(GetParameters, f'{of}/get_parameters', request)
-        read: dict[str, Any] = {}
-        for name, parameter in zip(wanted, response.values, strict=True):
-            value = parameter_value_to_python(parameter)
-            is_plain = value is None or isinstance(value, (bool, int, float, str))
-            read[name] = value if is_plain else list(value)
+        values = map(parameter_value_to_python, response.values)
+        plain = (bool, int, float, str, NoneType)
+        read = {
+            name: value if isinstance(value, plain) else list(value)
+            for name, value in zip(wanted, values, strict=True)
+        }
         return {name: value for name, value in read.items() if names or value is not None}
 
     def offers(self, of: str) -> bool:
@@ -126,9 +129,3 @@ class GraphClient:
 
     def _domain(self) -> int:
         return int(self._node.context.get_domain_id())
-
-
-def _message(service: str, response: Any) -> str:
-    if not response.success:
-        raise CallError(f'{service}: {response.message}')
-    return str(response.message)

@@ -160,10 +160,12 @@ class GraphMonitor(Node):
         """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
         return float(self.sampled(PROGRESS, Float64, 0.0))
 
-    def limits(self) -> dict[str, set[str]]:
-        """The most active limit by joint or pair of bodies; followed from the first call on."""
+    def limit(self) -> tuple[str, str]:
+        """The joint or pair of bodies that a limit acts on, and its name; followed from the first
+        call on.
+        """
         place, _, limit = str(self.sampled(ACTIVE_LIMITS, String, '')).rpartition(': ')
-        return {place: {limit}} if limit else {}
+        return place, limit
 
     def sampled(self, topic: str, kind: type, default: Any = None) -> Any:
         """The newest `data` of a topic, which is followed from the first call on."""
@@ -206,14 +208,10 @@ class GraphMonitor(Node):
 
 
 class LiveArm:
-    """The state of an arm from the controller's snapshots, or from the robot itself while there are
-    none: the controller may be inactive, and somebody else move the arm.
+    """The measured positions of an arm from the controller's snapshots, or from the robot itself
+    while there are none: the controller may be inactive, and somebody else move the arm.
 
     Raises RedresError if the arm in the controller's parameters is not known here.
-
-    Attributes:
-        model: The arm.
-        q: Measured joint positions.
     """
 
     def __init__(self, monitor: GraphMonitor, values: Mapping[str, Any]) -> None:

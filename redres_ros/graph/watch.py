@@ -71,12 +71,12 @@ _ROWS: dict[str, tuple[_Row, ...]] = {
 
 
 class _JointBar(NamedTuple):
-    """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
+    """A joint: where it is in its range, 0 to 1, and in [rad]; the limit that acts on it."""
 
     name: str
     fraction: float
     position: float
-    limits: Sequence[str]
+    limit: str
 
 
 class Watch(GraphMonitor):
@@ -113,16 +113,11 @@ class Watch(GraphMonitor):
     def _page(self, domain: int) -> RenderableType:
         joints = []
         if self._arm is not None:
-            acting = self.limits()
-            joints = [
-                _JointBar(name, fraction, q, sorted(acting.get(name, ())))
-                for name, fraction, q in zip(
-                    self._arm.model.joint_names,
-                    self._arm.fractions().tolist(),
-                    self._arm.q.tolist(),
-                    strict=True,
-                )
-            ]
+            place, limit = self.limit()
+            names = self._arm.model.joint_names
+            limits = [limit if name == place else '' for name in names]
+            columns = (names, self._arm.fractions().tolist(), self._arm.q.tolist(), limits)
+            joints = list(map(_JointBar, *columns))
         return _page(dict(self.values), self.health(), domain, joints)
 
     def _look(self) -> None:
@@ -206,16 +201,14 @@ def _node_panel(values: Mapping[str, Any], node: str, health: NodeHealth) -> Pan
 
 
 def _joint_panel(joints: Sequence[_JointBar]) -> Panel:
-    """A bar for each joint, and beside it the limits that act."""
+    """A bar for each joint, and beside it the limit that acts."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for joint in joints:
-        tags = Text()
-        for limit in joint.limits:
-            tags.append(f' {limit} ', style=f'white on {LIMIT_COLOURS.get(limit, OTHER_LIMIT)}')
-            tags.append(' ')
+        tag = Text(f' {joint.limit} ') if joint.limit else Text()
+        tag.stylize(f'white on {LIMIT_COLOURS.get(joint.limit, OTHER_LIMIT)}')
         degrees = f'{math.degrees(joint.position):+7.1f}°'
-        table.add_row(joint.name, degrees, _bar(joint.fraction), tags)
-    title = Text('joints in their ranges, and the limits that act')
+        table.add_row(joint.name, degrees, _bar(joint.fraction), tag)
+    title = Text('joints in their ranges, and the limit that acts')
     return Panel(table, title=title, title_align='left', box=box.ROUNDED)
 
 

@@ -13,15 +13,13 @@ from redres_ros.nodes.parameters import NONE, named
 from redres_ros.policy import SCALING
 from redres_ros.preferences import PREFERENCES
 
-_NOTICE = 8.0  # [s] for which a refusal is shown
+_NOTICE = 8.0  # [s] for which a response is shown
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
 
 
 class Bindings:
-    """Binds elements of the page to parameters and services of the nodes.
-
-    Attributes:
-        values: The parameters of the nodes at present, by node and name.
+    """Binds elements of the page to parameters and services of the nodes; `values` are the present
+    parameters, by node and name.
     """
 
     def __init__(self, client: GraphClient, values: Mapping[str, Mapping[str, Any]]) -> None:
@@ -52,49 +50,40 @@ class Bindings:
 
     def set(self, event: Any, node: str, values: Mapping[str, Any]) -> None:
         """Set parameters; what is refused is shown as the node has it."""
+        if event.client is None:  # shown by us, because the node has it already
+            return
         known = {name: self.values[node][name] for name in values if name in self.values[node]}
-        self.order(
-            event, lambda: self.client.set_parameters(node, values), lambda: self.show(node, known)
-        )
-
-    def order(
-        self, event: Any, order: Callable[[], str | None], undo: Callable[[], None] = lambda: None
-    ) -> None:
-        """Carry out an order, which may respond in words, and undo it if the nodes refuse; the
-        response is shown to the browser of the event alone.
-        """
-        if event.client is None:  # shown by us, because a node has it already
-            return
         try:
-            response = order()
+            self.client.set_parameters(node, values)
         except CallError as error:
-            notify(event, str(error))
-            undo()
-            return
-        if response:
-            event.client.add_notification('Done', response, auto_close_seconds=5)
+            _refuse(event, error)
+            self.show(node, known)
+
+    def trigger(self, event: Any, service: str, data: bool | None = None) -> None:
+        """Call a service, and show its message to the browser that asked for it."""
+        try:
+            message = self.client.trigger(service, data)
+        except CallError as error:
+            _refuse(event, error)
+        else:
+            event.client.add_notification('Done', message, auto_close_seconds=_NOTICE)
 
 
-def notify(event: Any, text: str) -> None:
-    """Show a refusal to the browser that an event comes from."""
-    if event.client is not None:
-        event.client.add_notification('Refused', text, color='red', auto_close_seconds=_NOTICE)
+def _refuse(event: Any, error: CallError) -> None:
+    event.client.add_notification('Refused', str(error), color='red', auto_close_seconds=_NOTICE)
 
 
 def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
     """Add what starts the task, and what sets the law and its limits."""
-    client = bindings.client
     task = gui.add_button_group('task', ('start', 'home', 'stop'))
-    task.on_click(
-        lambda event: bindings.order(event, lambda: client.trigger(f'planner/{event.target.value}'))
-    )
+    task.on_click(lambda event: bindings.trigger(event, f'planner/{event.target.value}'))
     arm = gui.add_button_group('arm', ('hold', 'resume'))
     arm.on_click(
-        lambda event: bindings.order(event, lambda: client.hold(event.target.value == 'hold'))
+        lambda event: bindings.trigger(event, 'controller/hold', event.target.value == 'hold')
     )
     if bindings.values.get('sim'):
         reset = gui.add_button('reset the robot', color='red')
-        reset.on_click(lambda event: bindings.order(event, lambda: client.trigger('sim/reset')))
+        reset.on_click(lambda event: bindings.trigger(event, 'sim/reset'))
     values = bindings.values['controller']
     most = max(_MOST_DAMPING, values['damping'])
     inputs: dict[str, Any] = {
@@ -119,14 +108,14 @@ def _add_names(
     with gui.add_folder(parameter, expand_by_default=parameter == 'limits'):
         boxes: dict[str, Any] = {name: gui.add_checkbox(name, name in ticked) for name in table}
 
-    def order(event: Any) -> None:
+    def _order(event: Any) -> None:
         names = [name for name, box in boxes.items() if box.value] or [NONE]
         bindings.set(event, 'controller', {parameter: names})
 
-    def show(names: Any) -> None:
+    def _show(names: Any) -> None:
         for name, box in boxes.items():
             box.value = name in names
 
     for box in boxes.values():
-        box.on_update(order)
-    bindings.on_change('controller', parameter, show)
+        box.on_update(_order)
+    bindings.on_change('controller', parameter, _show)

@@ -34,7 +34,7 @@ _WALLS = ('limits', 'scene.')  # parameters of what is drawn
 
 
 class _Page:
-    """A page of one graph, on a server that is still empty; the monitor is spun elsewhere.
+    """A page of one graph, on a server that is still empty.
 
     Raises RedresError for an arm or a task that is not known here.
     """
@@ -109,9 +109,8 @@ class _Page:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
         progress = self._monitor.progress()
         self._state.content = state_text(newest, self._monitor.health(), progress)
-        arm = self._arm
-        limits = self._monitor.limits()
-        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions(), limits)
+        names = self._arm.model.joint_names
+        self._bars.content = joint_bars(names, self._arm.fractions(), *self._monitor.limit())
         for name, path in self._paths.items():
             self._scene.trace(name, np.array(path))
         if len(self._figures) > 1:

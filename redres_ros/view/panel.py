@@ -1,6 +1,6 @@
 """The panel of the page: texts and bars as HTML, texts from the graph escaped, and live plots."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -49,30 +49,25 @@ def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progr
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
-def joint_bars(
-    names: Sequence[str], fractions: np.ndarray, acting: Mapping[str, Iterable[str]]
-) -> str:
-    """A bar for each joint as HTML, with the limits that act on it or on a pair of bodies. The
+def joint_bars(names: Sequence[str], fractions: np.ndarray, place: str, limit: str) -> str:
+    """A bar for each joint as HTML, with the limit that acts on it or on a pair of bodies. The
     fractions (n,) are of the joints' ranges, 0 to 1.
     """
     bars = dict(zip(names, map(_bar, fractions.tolist()), strict=True))
-    places = dict.fromkeys([*names, *sorted(acting)])
-    rows = [_row(place, bars.get(place, ''), acting.get(place, ())) for place in places]
-    table = f'<table style="width: 100%; border-collapse: collapse;">{"".join(rows)}</table>'
-    return f'<div style="{_STYLE}">{table}</div>'
-
-
-def _row(place: str, bar: str, limits: Iterable[str]) -> str:
-    tags = ' '.join(
+    if place not in ('', *bars):
+        bars[place] = ''
+    tag = (
         f'<span style="background: {LIMIT_COLOURS.get(limit, OTHER_LIMIT)}; {_TAG}">'
         f'{escape(limit)}</span>'
-        for limit in sorted(limits)
     )
-    return (
-        f'<tr><td style="{_DIM} white-space: nowrap; padding-right: 8px;">{escape(place)}</td>'
+    rows = [
+        f'<tr><td style="{_DIM} white-space: nowrap; padding-right: 8px;">{escape(name)}</td>'
         f'<td style="width: 45%;">{bar}</td>'
-        f'<td style="padding-left: 8px; width: 40%;">{tags}</td></tr>'
-    )
+        f'<td style="padding-left: 8px; width: 40%;">{tag if name == place else ""}</td></tr>'
+        for name, bar in bars.items()
+    ]
+    table = f'<table style="width: 100%; border-collapse: collapse;">{"".join(rows)}</table>'
+    return f'<div style="{_STYLE}">{table}</div>'
 
 
 def _bar(fraction: float) -> str:

@@ -11,6 +11,7 @@ import contextlib
 import io
 import logging
 from collections.abc import Awaitable, Callable
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,7 @@ def open_server(port: int, label: str, teleop: _Handler) -> viser.ViserServer:
     serve = library.serve
     is_checked = False
 
-    def serve_checked(
+    def _serve_checked(
         handler: _Handler, *arguments: Any, process_request: Any, **options: Any
     ) -> Any:
         nonlocal is_checked
@@ -78,13 +79,11 @@ def open_server(port: int, label: str, teleop: _Handler) -> viser.ViserServer:
         async def handle(connection: Any) -> None:
             await (teleop if connection.request.path == TELEOP_PATH else handler)(connection)
 
-        def respond(connection: Any, request: Any) -> Any:
-            return _respond(process_request, connection, request)
-
+        respond = partial(_respond, process_request)
         return serve(handle, *arguments, process_request=respond, **options)
 
     # viser has no option for this.
-    library.serve = serve_checked  # type: ignore[assignment, misc]
+    library.serve = _serve_checked  # type: ignore[assignment, misc]
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             server = _Server(ADDRESS, port, label=label, verbose=False)
