@@ -21,8 +21,8 @@ from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.geometry import rotation_matrix
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
-from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.robots.urdf import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.simulation.closed_loop import run
 
 EXAMPLES = Path(__file__).parents[1] / 'examples'

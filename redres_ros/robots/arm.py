@@ -5,9 +5,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
-from redres_ros.robots.chain import UNLIMITED_EFFORT, make_cylinders, tree_to, write_out_joints
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.robots.urdf import TEXT, Urdf, child, read_urdf
+from redres_ros.robots.urdf import (
+    TEXT,
+    UNLIMITED_EFFORT,
+    Urdf,
+    child,
+    make_cylinders,
+    read_urdf,
+    tree_to,
+    write_out_joints,
+)
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
@@ -121,7 +129,9 @@ class Arm:
         for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
             child(joint.element, 'limit').set('effort', repr(effort))
         if self.dynamics == 'cylinders':
-            make_cylinders(urdf, tree)
+            kinematics = Kinematics(urdf.text(), self.tip_frame, self.source)
+            links = (kinematics.joints[index].link for index in kinematics.leading)
+            make_cylinders(urdf, dict(zip(links, kinematics.offsets[:, 2].tolist(), strict=True)))
         return urdf, remarks
 
 

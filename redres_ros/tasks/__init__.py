@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.geometry import from_quaternion, rotation_matrix, to_quaternion
+from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Level, scaled
@@ -313,11 +313,4 @@ def _unit(direction: tuple[float, ...]) -> np.ndarray:
 @lru_cache(maxsize=64)
 def _across(axis: tuple[float, ...]) -> np.ndarray:
     """Two orthonormal columns (3, 2) that stand on an axis of a frame, in that frame."""
-    z = np.array((0.0, 0.0, 1.0))
-    a = _unit(axis)
-    turn = np.cross(z, a)
-    sine = float(np.linalg.norm(turn))
-    angle = float(np.arctan2(sine, a[2]))
-    if sine == 0.0:
-        return rotation_matrix(np.array((angle, 0.0, 0.0)))[:, :2]
-    return rotation_matrix(turn * (angle / sine))[:, :2]
+    return np.linalg.svd(np.array((axis,)))[2][1:].T
