@@ -13,12 +13,16 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from diagnostic_msgs.msg import DiagnosticArray
+from nightly import NIGHTLY
+from reference_judge import judge_graph
 from std_msgs.msg import String
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import RobotModel
+from redres_ros.geometry import rotation_matrix
 from redres_ros.nodes.conversions import to_nanoseconds, to_pose, to_time
 from redres_ros.planning.task_executor import TaskState
+from redres_ros.robots.joint_limits import JointLimits
 
 pytestmark = pytest.mark.slow
 
@@ -284,3 +288,54 @@ def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
     assert fractions[0] == pytest.approx(0.0, abs=0.01)
     assert (np.diff(fractions) >= 0.0).all()
     assert fractions[-1] == 1.0
+
+
+# --- targets that a policy streams, jumping as they may -------------------------------------------
+
+FR3 = RobotModel.named('fr3')
+STREAM = 1800.0 if NIGHTLY else 15.0  # [s] of virtual time
+
+
+@pytest.fixture
+def streamed() -> Iterator[VirtualRun]:
+    """An FR3 in command mode whose task is a pose."""
+    pose = {'task_space': 'pose'}
+    with virtual_run(100.0, 'fr3', controller=pose, planner=pose) as made:
+        made.run(0.5)
+        yield made
+
+
+def send_pose(run: VirtualRun, jump: np.ndarray, start: tuple[np.ndarray, np.ndarray]) -> None:
+    """Publish a target at a jump (6,) from where the tip was at the start."""
+    x, R = start
+    run.graph.publish('target_pose', to_pose(0, '', x + jump[:3], rotation_matrix(jump[3:]) @ R))
+
+
+def speed(run: VirtualRun, seconds: float) -> float:
+    """Mean speed of the tip in the next seconds [m/s]."""
+    before = FR3.tip(position(run))[0]
+    run.run(seconds)
+    return float(np.linalg.norm(FR3.tip(position(run))[0] - before)) / seconds
+
+
+def test_random_jumps_at_20_to_60_hz_are_followed_within_all_limits(streamed: VirtualRun) -> None:
+    judge = judge_graph(streamed.graph, JointLimits.of(FR3.arm), 100.0, 'extrapolate')
+    rng = np.random.default_rng(24)
+    start = FR3.tip(position(streamed))
+    length = 0.0  # [m] of the tip's path
+    end = streamed.now + STREAM
+    while streamed.now < end:
+        send_pose(streamed, rng.normal(scale=0.3, size=6), start)
+        seconds = 1.0 / rng.uniform(20.0, 60.0)
+        length += seconds * speed(streamed, seconds)
+    judge.assert_followable()
+    assert state(streamed) is TaskState.MOVING
+    assert length > 0.01 * STREAM  # it moves, and does not begin anew with each of them
+
+
+def test_a_target_in_the_middle_of_a_motion_makes_no_stop(streamed: VirtualRun) -> None:
+    start = FR3.tip(position(streamed))
+    send_pose(streamed, np.array((0.0, 0.3, 0.0, 0.0, 0.0, 0.0)), start)
+    streamed.run(1.3)
+    send_pose(streamed, np.array((0.05, 0.4, 0.0, 0.0, 0.0, 0.0)), start)
+    assert min(speed(streamed, 0.05) for _ in range(10)) > 0.1

@@ -11,6 +11,7 @@ from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.planning.goals import Goal, Goals, GoalSettings
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 
 T = 0.002  # [s]
@@ -302,3 +303,27 @@ def test_after_a_hold_on_the_way_home_it_begins_anew_from_where_the_joints_are()
     assert np.abs(dq(arm.tick(1.0))).max() < 0.01
     go_home(arm)
     assert arm.run.state is TaskState.MOVING
+
+
+# --- progress -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('left', 'error', 'is_stuck'),
+    [
+        ((10.0, -0.02), (0.1, 1.0), False),  # time of the segment goes on, slowly
+        ((0.0, 0.0), (0.1, 0.9), False),  # an error that shrinks afterwards
+        ((0.0, 0.0), (0.1, 0.9999), True),
+        ((2.0, 0.0), (0.1, 0.9), True),  # an error says nothing before the time is over
+    ],
+)
+def test_progress_is_time_and_afterwards_a_smaller_error_or_the_next_segment(
+    left: tuple[float, float], error: tuple[float, float], is_stuck: bool
+) -> None:
+    monitor = ProgressMonitor()
+    for second in range(20):
+        place = (left[0] + left[1] * second, error[0] * error[1] ** second)
+        monitor.enter(1.0, 1, *place)
+    assert bool(monitor.remark) is is_stuck
+    monitor.enter(1.0, 2, *place)
+    assert not monitor.remark
