@@ -84,17 +84,6 @@ def test_the_simulated_arm_stands_at_its_start(name):
     assert np.abs(plant.q - start).max() < 1e-9
 
 
-# --- limits ---------------------------------------------------------------------------------------
-
-
-@EVERY_ARM
-def test_the_arm_holds_itself_at_its_start_with_less_than_its_effort(name):
-    model = RobotModel.named(name, dynamics='identified')
-    gravity = model.state(np.array(ARMS[name].start), np.zeros(model.n)).n
-    efforts = re.findall(r'effort="([\d.]+)"', ARMS[name].urdf)
-    assert (np.abs(gravity) < 0.8 * np.array(efforts, dtype=float)).all()
-
-
 # --- start and task -------------------------------------------------------------------------------
 
 

@@ -29,13 +29,8 @@ def test_the_declaration_is_read_back_from_class_and_instance_alike():
     for source in (Settings, Settings(gain=3.0)):
         declared = {field.name: parameter for field, parameter in parameters(source).items()}
         assert list(declared) == ['gain', 'shape', 'free']
-        assert declared['gain'].description == 'feedback gain [1/s]'
-        assert (declared['gain'].lower, declared['gain'].upper, declared['gain'].live) == (
-            0.0,
-            10.0,
-            True,
-        )
-        assert (declared['shape'].choices, declared['shape'].live) == (('round', 'square'), False)
+        assert declared['gain'] == Parameter('feedback gain [1/s]', 0.0, 10.0, live=True)
+        assert declared['shape'] == Parameter('its form', choices=('round', 'square'))
 
 
 @pytest.mark.parametrize('gain', [0.0, 5, 10.0])
@@ -51,15 +46,8 @@ def test_a_value_outside_its_range_is_refused_with_the_range(gain):
 
 
 def test_a_word_that_is_no_choice_is_refused_with_the_choices():
-    with pytest.raises(
-        UnknownNameError, match="unknown shape 'oval'; allowed: round, square"
-    ) as caught:
+    with pytest.raises(UnknownNameError, match="unknown shape 'oval'; allowed: round, square"):
         Settings(shape='oval')
-    assert (caught.value.kind, caught.value.got, caught.value.allowed) == (
-        'shape',
-        'oval',
-        ('round', 'square'),
-    )
 
 
 @pytest.mark.parametrize(

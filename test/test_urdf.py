@@ -20,7 +20,7 @@ from redres_ros.errors import FileError, RedresError, UnknownNameError
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.geometry import rotation_matrix
 from redres_ros.planning.waypoints import task_for
-from redres_ros.robots import ARMS, Arm, arm_from_urdf
+from redres_ros.robots import ARMS, arm_from_urdf
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.robots.urdf import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.simulation.closed_loop import run
@@ -90,12 +90,8 @@ def refusal(text: str, tip: str = 'tip') -> str:
     return str(refused.value)
 
 
-def arm_of(text: str, tip: str = 'tip') -> Arm:
-    return arm_from_urdf(text, tip)
-
-
 def model_of(text: str, tip: str = 'tip') -> RobotModel:
-    return RobotModel(arm_of(text, tip))
+    return RobotModel(arm_from_urdf(text, tip))
 
 
 # --- what hangs beside the chain ------------------------------------------------------------------
@@ -106,12 +102,12 @@ def test_joints_of_any_kind_beside_the_chain_are_held_at_zero_and_named(kind):
     text = urdf(finger=joint('finger', 'palm', 'left', '<axis xyz="0 0 1"/>', kind))
     assert model_of(text).joint_names == JOINTS
     assert 'held at zero: finger, other_finger' in ' '.join(arm_from_urdf(text, 'tip').remarks())
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
 
 def test_with_a_finger_as_the_tip_its_joint_belongs_to_the_arm():
     assert model_of(urdf(), 'left').joint_names == (*JOINTS, 'finger')
-    assert_libraries_agree(arm_of(urdf(), 'left'))
+    assert_libraries_agree(arm_from_urdf(urdf(), 'left'))
 
 
 def test_joints_beyond_the_tip_are_held():
@@ -149,7 +145,7 @@ def test_a_continuous_joint_turns_as_often_as_wanted():
     q = np.array((0.1, 0.2, 0.3, 0.4))
     turned = q + 2.0 * np.pi * np.array((0.0, 0.0, 0.0, 100.0))
     assert model.tip(turned)[0] == pytest.approx(model.tip(q)[0], abs=1e-12)
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
 
 def test_a_prismatic_joint_moves_along_its_axis():
@@ -157,13 +153,13 @@ def test_a_prismatic_joint_moves_along_its_axis():
     model = model_of(text)
     J = model.state(np.array((0.0, 0.7, 0.2, 0.3)), np.zeros(4)).J
     assert J[:, 2] == pytest.approx((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), abs=1e-12)  # its axis is y
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
 
 @pytest.mark.parametrize('axis', ['<axis xyz="0 1e-3 0"/>', '<axis xyz="3 4 12"/>', ''])
 def test_an_axis_may_have_any_length_and_is_x_where_there_is_none(axis):
     text = changed('elbow', '<axis xyz="0 1 0"/>', axis)
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
     J = model_of(text).state(np.zeros(4), np.zeros(4)).J
     assert axis or J[3:, 2] == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
 
@@ -173,7 +169,7 @@ def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_reporte
     text = changed('elbow', LIMIT, f'<limit lower="-2" upper="2" velocity="3" {effort}/>')
     assert f'effort="{UNLIMITED_EFFORT!r}"' in arm_from_urdf(text, 'tip').description()
     assert 'joint elbow has no effort limit' in ' '.join(arm_from_urdf(text, 'tip').remarks())
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
 
 def test_joints_may_be_listed_in_any_order():
@@ -184,7 +180,7 @@ def test_joints_may_be_listed_in_any_order():
     assert model.joint_names == JOINTS
     for q, dq in random_motion(4, 10):
         assert (model.state(q, dq).J == expected.state(q, dq).J).all()
-    assert_libraries_agree(arm_of(other))
+    assert_libraries_agree(arm_from_urdf(other, 'tip'))
 
 
 def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
@@ -197,7 +193,7 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
     turn = rotation_matrix(np.array((0.0, 0.0, 1.5)))
     assert model.base_frame == 'floor'
     assert model.tip(q)[0] == pytest.approx(turn @ bare.tip(q)[0] + (1.0, 2.0, 3.0), abs=1e-12)
-    assert_libraries_agree(arm_of(text))
+    assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
 
 # --- what is refused ------------------------------------------------------------------------------
@@ -367,13 +363,9 @@ UNKNOWN = {name: (arm.urdf, 'tool0') for name, arm in ARMS.items()} | {'test': (
 EVERY_URDF = pytest.mark.parametrize('source', UNKNOWN.values(), ids=UNKNOWN)
 
 
-def unknown(source: tuple[str, str]) -> Arm:
-    return arm_from_urdf(*source)
-
-
 @EVERY_URDF
 def test_the_start_is_inside_the_ranges_and_away_from_singularities(source):
-    arm = unknown(source)
+    arm = arm_from_urdf(*source)
     kinematics = arm.kinematics()
     start = np.array(arm.start)
     margin = 0.2 * (kinematics.upper - kinematics.lower)
@@ -388,7 +380,7 @@ def test_the_start_is_inside_the_ranges_and_away_from_singularities(source):
 @EVERY_URDF
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 def test_the_square_is_gone_round_within_the_limits(source, law):
-    arm = unknown(source)
+    arm = arm_from_urdf(*source)
     task = task_for(arm, 'test')
     recording = run(Controller(RobotModel(arm), make_law(law), T), task)
     limits = JointLimits.of(arm)
@@ -403,7 +395,7 @@ def test_the_square_is_gone_round_within_the_limits(source, law):
 
 @EVERY_URDF
 def test_the_square_begins_and_ends_at_the_tip_and_has_equal_sides(source):
-    arm = unknown(source)
+    arm = arm_from_urdf(*source)
     square = task_for(arm, 'test')
     sides = np.diff(square.waypoints, axis=0)
     tip = arm.kinematics().tip_at(np.array(arm.start))[0]
