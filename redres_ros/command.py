@@ -56,7 +56,7 @@ class Command:
     @property
     def active_limits(self) -> str:
         """The limit that resists hardest, as 'joint: limit'; empty if none does."""
-        return self.active_limit.name if self.active_limit else ''
+        return self.active_limit() if self.active_limit else ''
 
     @property
     def null(self) -> JointVelocities:

@@ -6,10 +6,9 @@ order of priority, damping near singularities, and errors that name their reason
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -84,14 +83,6 @@ Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None 
 Level = tuple[Jacobian, TaskVelocity]  # of one task
 
 
-class _ResistingLimit(Protocol):
-    """The limit that resists hardest."""
-
-    @property
-    def name(self) -> str:
-        """'joint: limit'."""
-
-
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
     """The joint velocity of one tick."""
@@ -104,7 +95,7 @@ class Solution:
     levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
     scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
     s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
-    active_limit: _ResistingLimit | None = None  # that resists hardest
+    active_limit: Callable[[], str] | None = None  # the name of the limit that resists hardest
     dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()

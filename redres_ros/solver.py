@@ -22,7 +22,7 @@ from functools import lru_cache
 import numpy as np
 
 from redres_ros.kernels.active_set import hierarchical_qp
-from redres_ros.kernels.closed_form import FACTOR, SQUARE
+from redres_ros.kernels.closed_form import WEIGHT, fill_factor
 from redres_ros.resolution import Level, Weight, as_array, stacked
 from redres_ros.types import FLOAT64, JointVelocities
 
@@ -35,8 +35,8 @@ _SHORTEST = 1e-12  # of a row whose excess is measured by its length
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
 _StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-# The first seven arguments of hierarchical_qp()
-_Problem = tuple[np.ndarray, np.ndarray, bool, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+# The first six arguments of hierarchical_qp()
+_Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(slots=True)  # made in every tick in which limits act
@@ -78,13 +78,15 @@ def solve_constrained(
     J, dx = stacked(tasks, n)
     sizes = _sizes(len(dx)) if len(tasks) == 1 else _sizes(*[len(dx) for _, dx in tasks])
     C, low, high, groups = _stacked_rows(rows, n)
-    weight, form = as_array(W)
-    is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M
+    factor, form = as_array(W)  # that of a SQUARE is symmetric: W = M'M
+    if form == WEIGHT:
+        factor = np.zeros((n, n))
+        fill_factor(np.asarray(W, FLOAT64), factor)
     if active_set is None:
         active_set = np.zeros(n + 1, np.int64)
-    if not J.dtype is dx.dtype is weight.dtype is FLOAT64:  # these are users'
-        J, dx, weight = (np.asarray(each, FLOAT64) for each in (J, dx, weight))
-    problem = dq_free, weight, is_factor, J, dx, sizes, np.asarray(box, FLOAT64)
+    if not J.dtype is dx.dtype is factor.dtype is FLOAT64:  # these are users'
+        J, dx, factor = (np.asarray(each, FLOAT64) for each in (J, dx, factor))
+    problem = dq_free, factor, J, dx, sizes, np.asarray(box, FLOAT64)
     if len(low) > _FEW:
         return _with_needed_rows(problem, (C, low, high, groups), active_set)
     dq = np.empty(n)

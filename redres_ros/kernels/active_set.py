@@ -24,42 +24,35 @@ _UPPER = 1
 _DESIRED = 2
 _LENGTH = 3  # of a limit's row, before it became a unit vector
 _LEAST = 4  # a row depends on the basis if less of it is orthogonal to that
+_FORCE = 5  # how hard row k of the basis resists the descent
 
 # The rows of Search.marks.
 _STATE = 0  # of each row, one of the four below
 _SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
 _BEHIND = 2  # the row behind row k of the basis
-_COUNT = 3  # the three below
+_COUNT = 3  # the five below
 
 _BASIS = 0  # how many rows the basis has,
-_BEYOND = 1  # and with those of the level behind it,
-_VARIABLES = 2  # and how many elements of z are in use
+_BEYOND = 1  # and with those of the level behind it
+_VARIABLES = 2  # how many elements of z are in use
+_UNSOLVED = 3  # 1 if a level stopped before its least
+_HARDEST = 4  # the limit that resists hardest, -1 for none
 
-_FREE = 0  # the state of a limit that z may come to,
-_HELD = 1  # of one whose end z may not leave for now,
-_FIXED = 2  # or for good, as a row of a finished level,
-_LATER = 3  # and of a row that a later level brings in
+_LATER = 0  # the state of a row that a later level brings in,
+_FREE = 1  # of a limit that z may come to,
+_HELD = 2  # of one whose end z may not leave for now,
+_FIXED = 3  # or for good, as a row of a finished level
 
 _ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 
-_MUCH = (
-    0.5  # a row that keeps this fraction of its square is orthogonal to the others after one pass
-)
-_DEPENDENT = (
-    1e-13  # a row is dependent if less than this fraction of it is orthogonal to the others
-)
-
-_RANK = 1e-11  # a row of a level is dependent below this fraction of the longest one
+# A row that keeps this fraction of its square is orthogonal to the others after one pass.
+_MUCH = 0.5
+_DEPENDENT = 1e-13  # a limit is dependent if less of its unit vector is orthogonal to the others,
+_RANK = 1e-11  # and a row of a level below this fraction of the longest one
 
 _MAX_STEPS = 200  # of one level; ten are many
-_BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
 _WRONG = 1e-14  # a force of the wrong sign counts from this fraction of the gradient's terms on
 _TIGHT = 1e-10  # one of the right sign proves its limit tight from this fraction on
-
-# The last element of what a search leaves behind for the next one.
-_UNKNOWN = 0  # nothing: there was none
-_WHOLE = 1  # the whole task was executed
-_LESS = -1  # less of it
 
 
 class _Search(NamedTuple):
@@ -72,10 +65,10 @@ class _Search(NamedTuple):
     p: np.ndarray  # (d,) its next step
     largest: np.ndarray  # (d,) that |z| has been; its rounding stays when z comes to zero
     rows: np.ndarray  # (K, d) of limits, of unit length; of tasks; of slack variables or the law
-    values: np.ndarray  # (5, K), lower <= rows z <= upper for limits, what levels want of rows z
+    values: np.ndarray  # (6, K), lower <= rows z <= upper for limits, what levels want of rows z
     Q: np.ndarray  # (d, d) orthonormal rows; behind the basis there are those of the level
     R: np.ndarray  # (d, d) lower triangular: row k of the basis is sum_j R[k, j] Q[j]
-    marks: np.ndarray  # (4, K + 3) of int64
+    marks: np.ndarray  # (4, K + 5) of int64
     n: int  # z = (dq, s, slack variables), where dq is (n,)
 
 
@@ -172,13 +165,10 @@ def _hold(search: _Search, i: int, towards: float) -> None:
 
     It stays free where the basis keeps it in its place already.
     """
-    rows = search.rows
-    Q = search.Q
-    R = search.R
     marks = search.marks
     d = marks[_COUNT, _VARIABLES]
     k = marks[_COUNT, _BASIS]
-    if k < d and _append(Q, R, k, rows, i, d) > search.values[_LEAST, i]:
+    if k < d and _append(search.Q, search.R, k, search.rows, i, d) > search.values[_LEAST, i]:
         marks[_COUNT, _BASIS] = k + 1
         marks[_BEHIND, k] = i
         marks[_STATE, i] = _HELD
@@ -209,8 +199,8 @@ def _step(search: _Search, begin: int, end: int) -> None:
         square = max(square, _dot_rows(rows, i, rows, i, d))
     rank = 0
     for i in range(begin, end):
-        k = count + rank
         values[_LEAST, i] = _RANK * np.sqrt(square)
+        k = count + rank
         if k < d and _append(Q, R, k, rows, i, d) > values[_LEAST, i]:
             marks[_BEHIND, k] = i
             rank += 1
@@ -235,59 +225,37 @@ def _step(search: _Search, begin: int, end: int) -> None:
             p[j] += t[k] * Q[count + k, j]
 
 
-@part
-def _step_across(search: _Search, begin: int) -> None:
-    """As `_step` for A = I, where p is what the basis leaves of a - dq."""
-    p = search.p
-    Q = search.Q
-    d = search.marks[_COUNT, _VARIABLES]
-    before = 0.0
-    for j in range(d):
-        p[j] = search.values[_DESIRED, begin + j] - search.z[j] if j < search.n else 0.0
-        before += p[j] ** 2
-    for _ in range(2):  # once more, for rounding
-        for k in range(search.marks[_COUNT, _BASIS]):
-            along = _dot(Q, k, p, d)
-            for j in range(d):
-                p[j] -= along * Q[k, j]
-    after = 0.0
-    for j in range(d):
-        after += p[j] ** 2
-    if after <= _DEPENDENT**2 * before:
-        for j in range(d):
-            p[j] = 0.0
-
-
 # --- one level ------------------------------------------------------------------------------------
 
 
-@inlined
-def _minimise(
-    search: _Search, begin: int, end: int, is_plain: bool, force: np.ndarray
-) -> tuple[float, bool]:
-    """Move z to the least |A z - a| of a level within the limits, with A = I where it is plain; the
-    least force that proves a limit tight, and whether z got there.
+@part
+def _solve_level(search: _Search, begin: int, end: int) -> None:
+    """Move z to the least |A z - a| of a level, rows A from `begin` to `end`, within the limits.
 
-    `force` (d,) receives the forces of the rows of the basis.
+    These rows and the limits that are then tight in every optimum are fixed; others stay held.
     """
     marks = search.marks
-    for count in range(_MAX_STEPS):
-        if is_plain:
-            _step_across(search, begin)
-        else:
-            _step(search, begin, end)
+    tight = np.inf
+    for _ in range(_MAX_STEPS):
+        _step(search, begin, end)
         i, along = _advance(search)
         if marks[_STATE, i] == _FREE:
             _hold(search, i, along)
             continue
-        largest = _fill_forces(search, begin, end, force)
-        k = _most_wrong(search, force, _WRONG * largest, count > _BY_INDEX)
+        largest = _fill_forces(search, begin, end)
+        k = _most_wrong(search, _WRONG * largest)
         if k < 0:
-            return _TIGHT * largest, True
+            tight = _TIGHT * largest
+            break
         marks[_STATE, marks[_BEHIND, k]] = _FREE
         _build_basis(search)
-    marks[_COUNT, _BEYOND] = marks[_COUNT, _BASIS]
-    return np.inf, False
+    else:
+        marks[_COUNT, _UNSOLVED] = 1
+        marks[_COUNT, _BEYOND] = marks[_COUNT, _BASIS]
+    _fix_tight(search, tight)
+    for i in range(begin, end):
+        marks[_STATE, i] = _FIXED
+    marks[_COUNT, _BASIS] = marks[_COUNT, _BEYOND]
 
 
 @part
@@ -331,7 +299,7 @@ def _advance(search: _Search) -> tuple[int, float]:
 
 
 @part
-def _fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> float:
+def _fill_forces(search: _Search, begin: int, end: int) -> float:
     """Write how hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the
     least; the largest term of the gradient, beside which rounding is judged.
     """
@@ -357,55 +325,46 @@ def _fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> fl
             largest = max(largest, abs(rows[i, j]) * size)
     count = search.marks[_COUNT, _BASIS]
     for k in range(count):
-        force[k] = -_dot(search.Q, k, g, d)
-    _substitute(search.R, force, count)
+        search.values[_FORCE, k] = -_dot(search.Q, k, g, d)
+    _substitute(search.R, search.values[_FORCE], count)
     return largest
 
 
 @part
-def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool) -> int:
-    """The row that keeps z from where it wants to go inside the limits, -1 for none.
-
-    Of several it is the one with the largest force, or that of the first limit.
+def _most_wrong(search: _Search, least: float) -> int:
+    """The row of the basis that keeps z with the largest force from where it wants to go inside the
+    limits, -1 for none.
     """
     marks = search.marks
     found = -1
     for k in range(marks[_COUNT, _BASIS]):
         i = marks[_BEHIND, k]
-        if marks[_STATE, i] != _HELD:
-            continue
-        pull = -force[k] * marks[_SIDE, i]
-        if by_index and found >= 0 and i > marks[_BEHIND, found]:
-            continue
-        if pull > least:
+        pull = -search.values[_FORCE, k] * marks[_SIDE, i]
+        if marks[_STATE, i] == _HELD and pull > least:
             found = k
-            if not by_index:
-                least = pull
+            least = pull
     return found
 
 
 @part
-def _fix_level(search: _Search, begin: int, end: int, force: np.ndarray, tight: float) -> int:
-    """Fix the rows of a finished level, and the limits that are tight; others stay held.
-
-    The result is the limit with the largest force of those that are tight, but that of s; -1: none.
+def _fix_tight(search: _Search, tight: float) -> None:
+    """Fix the limits with a larger force than `tight`; note the hardest of the first level that has
+    any, but for that of s.
     """
     marks = search.marks
     hardest = -1
     largest = tight
     for k in range(marks[_COUNT, _BASIS]):
         i = marks[_BEHIND, k]
-        push = force[k] * marks[_SIDE, i]
+        push = search.values[_FORCE, k] * marks[_SIDE, i]
         if marks[_STATE, i] != _HELD or push <= tight:
             continue
         marks[_STATE, i] = _FIXED
         if push > largest and i != search.n:
             largest = push
             hardest = i
-    for i in range(begin, end):
-        marks[_STATE, i] = _FIXED
-    marks[_COUNT, _BASIS] = marks[_COUNT, _BEYOND]
-    return hardest
+    if marks[_COUNT, _HARDEST] < 0:
+        marks[_COUNT, _HARDEST] = hardest
 
 
 # --- limits that are rows, in a level of their own ------------------------------------------------
@@ -448,7 +407,7 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
 
 
 @inlined
-def _close_slack(search: _Search, begin: int, count: int) -> float:
+def _close_slack(search: _Search, begin: int, count: int, level: int) -> float:
     """Move the ends of limits that remain in excess to where they are; the sum of squares of it."""
     z = search.z
     rows = search.rows
@@ -461,6 +420,7 @@ def _close_slack(search: _Search, begin: int, count: int) -> float:
         square += (search.values[_LENGTH, i] * z[slack + r]) ** 2
         z[slack + r] = 0.0
         rows[i, slack + r] = 0.0
+        search.marks[_STATE, level + r] = _LATER
         value = _dot(rows, i, z, slack)
         values[_UPPER, i] = max(values[_UPPER, i], value)
         values[_LOWER, i] = min(values[_LOWER, i], value)
@@ -500,10 +460,10 @@ def _begin_at(
         space[1],
         space[2],
         space[3 : 3 + K],
-        np.zeros((_LEAST + 1, K)),
+        np.zeros((_FORCE + 1, K)),
         space[3 + K : 3 + K + d],
         space[3 + K + d :],
-        np.full((_COUNT + 1, K + 3), _LATER),
+        np.zeros((_COUNT + 1, K + _HARDEST + 1), np.int64),
         n,
     )
     z = search.z
@@ -512,30 +472,26 @@ def _begin_at(
     values[_LEAST] = _DEPENDENT
     marks = search.marks
     for i in range(n):
-        rows[i, i] = 1.0
         lower = box[0, i]
         upper = box[1, i]
+        z[i] = min(max(dq_free[i], lower), upper)
+        side = held[i] if held[n] != 0 else np.sign(dq_free[i] - z[i])
+        end = upper if side > 0 else lower
+        rows[i, i] = 1.0
         values[_LOWER, i] = lower
         values[_UPPER, i] = upper
-        z[i] = min(max(dq_free[i], lower), upper)
-        towards = dq_free[i] - z[i]
+        marks[_SIDE, i] = side
         marks[_STATE, i] = _FREE
         if lower == upper:
             marks[_STATE, i] = _FIXED
-        elif held[n] != _UNKNOWN:
-            towards = float(held[i])
-            end = upper if towards > 0.0 else lower
-            if towards != 0.0 and np.isfinite(end):
-                z[i] = end
-                marks[_STATE, i] = _HELD
-        elif towards != 0.0:
+        elif side != 0 and np.isfinite(end):
+            z[i] = end
             marks[_STATE, i] = _HELD
-        marks[_SIDE, i] = 1 if towards > 0.0 else -1
     z[n] = 1.0
     rows[n, n] = 1.0  # 0 <= s <= 1
     values[_UPPER, n] = 1.0
     values[_DESIRED, n] = 1.0
-    marks[_STATE, n] = _FREE if held[n] == _LESS else _HELD
+    marks[_STATE, n] = _FREE if held[n] < 0 else _HELD
     marks[_SIDE, n] = 1
     for r in range(len(C)):
         i = n + 1 + r
@@ -557,56 +513,24 @@ def _begin_at(
     for j in range(n + 1):
         search.largest[j] = abs(z[j])
     marks[_COUNT, _VARIABLES] = n + 1
+    marks[_COUNT, _HARDEST] = -1
     _build_basis(search)
     return search
-
-
-@part
-def _remember(search: _Search, held: np.ndarray) -> None:
-    """Write down which limits a search holds in the end: the side of each joint, and s."""
-    for i in range(search.n):
-        held[i] = 0
-        if search.marks[_STATE, i] in (_HELD, _FIXED):
-            held[i] = search.marks[_SIDE, i]
-    held[search.n] = _WHOLE if search.z[search.n] >= 1.0 else _LESS
 
 
 # --- all levels -----------------------------------------------------------------------------------
 
 
-@part
-def _desire_law(
-    W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
-) -> None:
-    """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = F of W = F'F; I for an empty W."""
-    n = len(dq_free)
-    for i in range(n):
-        A[i, i] = 1.0
-    for i in range(len(W)):
-        for j in range(0 if is_factor else i, n):
-            if is_factor:
-                A[i, j] = W[i, j]
-                continue
-            rest = W[i, j]
-            for k in range(i):
-                rest -= A[k, i] * A[k, j]
-            A[i, j] = np.sqrt(rest) if i == j else rest / A[i, i]  # Cholesky
-    for i in range(n):
-        for j in range(n):
-            a[i] += A[i, j] * dq_free[j]
-
-
 @direct
 @compiled(
     several(float64, float64, float64, int64, int64, boolean)(
-        *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
+        *(vector(), matrix(), matrix(), vector(), vector(int64)),
         *(matrix(), matrix(), vector(), vector(), vector(int64), int64[::1], float64[::1]),
     )
 )
 def hierarchical_qp(
     dq_free: np.ndarray,
-    W: np.ndarray,
-    is_factor: bool,
+    F: np.ndarray,
     J: np.ndarray,
     dx: np.ndarray,
     tasks: np.ndarray,
@@ -618,14 +542,14 @@ def hierarchical_qp(
     held: np.ndarray,
     dq: np.ndarray,
 ) -> tuple[float, float, float, int, int, bool]:
-    """Write the joint velocity nearest to dq_free (n,), in the norm of W (n, n), under limits and
+    """Write the joint velocity nearest to dq_free (n,), in the norm of W = F'F, under limits and
     after tasks, in order of priority, into dq (n,).
 
-    W may be the factor F of a weight F'F, and (0, 0) for the identity. J (m, n) and dx (m,) are the
-    rows of all tasks, of which each has so many of `tasks` (k,); C (r, n), low and high (r,) those
-    of the other limits, of which each of `groups` (g,) has a priority of its own; box (2, n) are
-    the limits of dq. The search starts from what the last one left in `held` (n + 1,), at first
-    zeros, and leaves there what the next one starts from.
+    F is (n, n), or (0, 0) for the identity. J (m, n) and dx (m,) are the rows of all tasks, of
+    which each has so many of `tasks` (k,); C (r, n), low and high (r,) those of the other limits,
+    of which each of `groups` (g,) has a priority of its own; box (2, n) are the limits of dq. The
+    search starts from what the last one left in `held` (n + 1,), at first zeros, and leaves there
+    what the next one starts from: the side of each joint that is held, and 1 for s = 1, else -1.
 
     Returns:
         The scaling factor s of the first task; its error; the excess of the rows; the limit that
@@ -634,65 +558,50 @@ def hierarchical_qp(
     """
     n = len(dq_free)
     most = 0
-    for rows in groups:
-        most = max(most, rows)
+    for count in groups:
+        most = max(most, count)
     search = _begin_at(dq_free, box, C, low, high, J, dx, tasks[0], most, held)
     z = search.z
-    first_task = len(groups)
-    scaling = first_task + 1
-    law = scaling + len(tasks)
+    rows = search.rows
+    marks = search.marks
     last = n + 1 + len(C) + len(J)  # the rows of the law, or of slack variables
-    force = np.zeros(len(z))
-    hardest = -1
-    solved = True
+    begin = n + 1
     excess = 0.0
+    for count in groups:
+        if _open_slack(search, begin, count, last):
+            _solve_level(search, last, last + count)
+            excess += _close_slack(search, begin, count, last)
+        begin += count
     error = 0.0
-    following = n + 1  # the next limits, and then tasks
-    for level in range(law + 1):
-        if level < first_task:
-            begin = last
-            end = last + groups[level]
-            limits = following
-            following += groups[level]
-            if not _open_slack(search, limits, groups[level], begin):
-                continue
-        elif level == scaling:
-            begin = n  # s = 1
-            end = n + 1
-        elif level == law:
-            begin = last
-            end = last + n
-            _desire_law(W, is_factor, dq_free, search.rows[begin:], search.values[_DESIRED, begin:])
-        else:
-            begin = following
-            following += tasks[max(level - scaling, 0)]
-            end = following
-        tight, reached = _minimise(search, begin, end, level == law and len(W) == 0, force)
-        solved = solved and reached
-        if level == first_task:
-            for i in range(begin, end):
-                error += _dot(search.rows, i, z, n + 1) ** 2
-        if level < first_task:
-            end = begin  # its rows go with the slack variables
-        found = _fix_level(search, begin, end, force, tight)
-        if hardest < 0:
-            hardest = found
-        if level < first_task:
-            excess += _close_slack(search, limits, groups[level])
+    for k, count in enumerate(tasks):
+        _solve_level(search, begin, begin + count)
+        if k == 0:
+            for i in range(begin, begin + count):
+                error += _dot(rows, i, z, n + 1) ** 2
+            _solve_level(search, n, n + 1)  # s = 1
+        begin += count
+    for i in range(n):
+        for j in range(n):
+            rows[last + i, j] = F[i, j] if len(F) else rows[i, j]
+            search.values[_DESIRED, last + i] += rows[last + i, j] * dq_free[j]
+    _solve_level(search, last, last + n)
 
-    _remember(search, held)
     total = error + excess + z[n]
     for i in range(n):
         total += search.values[_DESIRED, last + i] + z[i]
+    solved = marks[_COUNT, _UNSOLVED] == 0
     if not np.isfinite(total):  # as the input was
         z[:] = 0.0
-        held[:] = 0
         error = np.nan
         solved = False
     for i in range(n):
+        is_held = solved and marks[_STATE, i] in (_HELD, _FIXED)
+        held[i] = marks[_SIDE, i] if is_held else 0
         dq[i] = min(max(z[i], box[0, i]), box[1, i])  # which changes it at rounding level
     s = min(max(z[n], 0.0), 1.0)
-    side = search.marks[_SIDE, hardest] if hardest >= 0 else 0
+    held[n] = 1 if s == 1.0 else -1
+    hardest = marks[_COUNT, _HARDEST]
+    side = marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:
         hardest -= 1  # s is no limit to others
     return s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

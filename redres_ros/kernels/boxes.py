@@ -3,7 +3,7 @@
 import numpy as np
 from numba import boolean, float64, from_dtype, int64, types
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
 
 _TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
@@ -197,7 +197,7 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 
 @direct
 @compiled(
-    several(boolean, boolean)(
+    boolean(
         *(vector(), vector(), vector(), vector(), float64),
         *(types.Array(from_dtype(JOINT_LIMITS), 1, 'C'), float64[:, :, ::1]),
         *(float64, float64, float64),
@@ -214,7 +214,7 @@ def fill_boxes(
     gap: float,
     longest_gap: float,
     lost: float,
-) -> tuple[bool, bool]:
+) -> bool:
     """Write the box of each limit of the joints (n,), and last the one that is in all of them, into
     boxes (BOXES + 1, 2, n).
 
@@ -231,9 +231,8 @@ def fill_boxes(
     next one; `lost` commands may get lost at short notice.
 
     Returns:
-        Whether they have something in common in every joint; and whether dq is in all of them.
+        Whether dq is in all of them.
     """
-    meet = True
     inside = True
     first = max(longest_gap / gap, 1.0)  # of these cycles, before the next command
     tripled = 3.0**lost
@@ -288,7 +287,6 @@ def fill_boxes(
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
             is_apart = least > upper + _TOUCHING or most < lower - _TOUCHING
-            meet = meet and not is_apart
             if is_apart and k >= POSITION:
                 A = limit.A_arm
                 cycles = max(first, 1.0 + lost)
@@ -306,7 +304,7 @@ def fill_boxes(
         boxes[BOXES, 1, i] = upper
         if not lower <= dq[i] <= upper:
             inside = False
-    return meet, inside
+    return inside
 
 
 @direct

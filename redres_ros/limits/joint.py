@@ -6,16 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.boxes import ACCELERATION, END_SPEED, JERK, POSITION, VELOCITY, within
-from redres_ros.kernels.tick import differentiate
+from redres_ros.kernels.boxes import ACCELERATION, END_SPEED, JERK, POSITION, VELOCITY
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import param
 from redres_ros.solver import Rows
 from redres_ros.types import (
     JointAccelerations,
-    JointPositions,
-    JointTorques,
-    JointVelocities,
     Seconds,
 )
 
@@ -106,13 +102,8 @@ class JerkLimit(JointLimit):
         arm = self.model.arm
         return self.jerk or arm.jerk_limit or tuple(_RISE * A for A in arm.acceleration_limit)
 
-    @cached_property
-    def J(self) -> np.ndarray:
-        """The jerk that is allowed, (n,) [rad/s^3], if no command gets lost."""
-        return _SEEN * self.scale * np.array(self._given_jerk)
-
     def _enter(self, limits: np.ndarray) -> None:
-        limits['J'] = self.J
+        limits['J'] = _SEEN * self.scale * np.array(self._given_jerk)
         A_arm = np.array(self.model.arm.acceleration_limit or np.inf)
         limits['A_arm'] = A_arm
         limits['A_jerk'] = _SEEN * self.scale * A_arm
@@ -125,13 +116,8 @@ class VelocityLimit(JointLimit):
     order = 1
     box = VELOCITY
 
-    @cached_property
-    def V(self) -> JointVelocities:
-        """The velocity that is allowed."""
-        return self.scale * self.model.dq_max
-
     def _enter(self, limits: np.ndarray) -> None:
-        limits['V'] = self.V
+        limits['V'] = self.scale * self.model.dq_max
         limits['V_arm'] = self.model.dq_max
 
 
@@ -157,26 +143,16 @@ class PositionLimit(BrakingLimit, JointLimit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (self.q_min < self.q_max).all():
-            narrowest = float((self.model.q_max - self.model.q_min).min())
+        narrowest = float((self.model.q_max - self.model.q_min).min())
+        if not 2.0 * self.margin < narrowest:
             raise ArrayError(
                 f'a margin of {self.margin} rad leaves nothing of a range of {narrowest:.3g} rad; '
                 f'allowed: less than {narrowest / 2.0:.3g}'
             )
 
-    @cached_property
-    def q_min(self) -> JointPositions:
-        """The lower ends and the margin."""
-        return self.model.q_min + self.margin
-
-    @cached_property
-    def q_max(self) -> JointPositions:
-        """The upper ends less the margin."""
-        return self.model.q_max - self.margin
-
     def _enter(self, limits: np.ndarray) -> None:
-        limits['lower'][:, 0] = self.q_min
-        limits['upper'][:, 0] = self.q_max
+        limits['lower'][:, 0] = self.model.q_min + self.margin
+        limits['upper'][:, 0] = self.model.q_max - self.margin
         limits['A_stop'][:, 0] = self.A
 
 
@@ -232,25 +208,11 @@ class TorqueLimit(Limit):
                     'the torque limit needs one above zero'
                 )
 
-    @cached_property
-    def tau_max(self) -> JointTorques:
-        """The torque that is allowed."""
-        return self.scale * self.model.tau_max
-
-    @cached_property
-    def _tau_min(self) -> JointTorques:
-        return -self.tau_max
-
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
-        return C, self._tau_min - rest, self.tau_max - rest
-
-    def is_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
-        ddq = np.empty(len(dq))
-        differentiate(dq, state.dq_prev, T, ddq)  # Eq. (13)
-        tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
-        return bool(within(tau, self._tau_min, self.tau_max))
+        tau_max = self.scale * self.model.tau_max
+        return C, -tau_max - rest, tau_max - rest
 
 
 def _check_positive(what: str, unit: str, given: tuple[float, ...], limit: Limit) -> None:

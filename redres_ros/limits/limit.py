@@ -41,10 +41,6 @@ class Limit(ABC):
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         """C (r, n), low (r,) and high (r,) with low <= C dq <= high."""
 
-    def is_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
-        """Whether a velocity keeps it, if that takes less time than its rows; else False."""
-        return False
-
     def can_be_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         """Whether the joints can brake without leaving it, after a velocity that keeps its rows."""
         return True

@@ -1,7 +1,8 @@
 """Several limits together: one box and the other rows, in order of priority."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,7 +30,6 @@ class Bounds:
     T: Seconds
     boxes: np.ndarray  # (BOXES + 1, 2, n), of each joint limit, and last the one in all of them
     rows: list[Rows]  # of each other limit
-    kept: bool  # False if a joint cannot keep every box, and goes as near to them as it may
 
     @property
     def box(self) -> np.ndarray:
@@ -50,9 +50,9 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
-    ) -> 'tuple[Constrained, _ActiveLimit | None]':
+    ) -> tuple[Constrained, Callable[[], str] | None]:
         """The velocity within the bounds that is best for the tasks, and then nearest to dq, the
-        optimum without limits; and the limit that resists hardest, None if none does.
+        optimum without limits; and the name of the limit that resists hardest, None if none does.
 
         `components` has the number of rows of each component of the first task that gets a scaling
         factor of its own; empty: one factor for all.
@@ -68,7 +68,7 @@ class Bounds:
             solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
             return solved, None
-        return solved, _ActiveLimit(self, solved.limiting, solved.side)
+        return solved, partial(self._name, solved.limiting, solved.side)
 
     def _can_be_kept(self, dq: JointVelocities) -> bool:
         """Whether the joints can brake within the limits after this velocity."""
@@ -96,35 +96,21 @@ class Bounds:
         upper = self.boxes[VELOCITY:BOXES, 1].min(axis=0)
         return lower.clip(-_FASTEST, 0.0), upper.clip(0.0, _FASTEST)
 
-
-@dataclass(slots=True)  # made in every tick in which limits act
-class _ActiveLimit:
-    """The limit that resists hardest. Which one it is, is found on request."""
-
-    bounds: Bounds
-    index: int  # of the bound: joints first, then rows
-    side: int  # +1 for its upper end, -1 for its lower one
-
-    @property
-    def name(self) -> str:
-        """'joint: limit'."""
-        limit, row = self._limit_and_row()
-        place = limit.name(row, self.bounds.state, self.bounds.T)
-        return f'{place}: {self.bounds.limits.names[limit]}'
-
-    def _limit_and_row(self) -> tuple[Limit, int]:
-        """The limit, and the number of its joint or row."""
-        limits = self.bounds.limits
-        row = self.index - limits.model.n
-        if row < 0:
-            ends = self.bounds.boxes[:, (self.side + 1) // 2, self.index]
-            distances = [abs(ends[limit.box] - ends[BOXES]) for limit in limits.joint_limits]
-            return limits.joint_limits[distances.index(min(distances))], self.index
-        for limit, (C, _, _) in zip(limits.row_limits, self.bounds.rows, strict=True):
-            if row < len(C):
-                return limit, row
-            row -= len(C)
-        raise IndexError(self.index)
+    def _name(self, index: int, side: int) -> str:
+        """'joint: limit' of the upper (side 1) or lower end (-1) of a bound: joints first, then
+        rows.
+        """
+        limits = self.limits
+        if index < limits.model.n:
+            ends = self.boxes[:, (side + 1) // 2, index]
+            limit: Limit = min(limits.joint_limits, key=lambda each: abs(ends[each.box] - ends[-1]))
+            row = index
+        else:
+            starts = np.cumsum([limits.model.n, *(len(C) for C, _, _ in self.rows)])
+            owner = int(np.searchsorted(starts, index, side='right')) - 1
+            limit = limits.row_limits[owner]
+            row = index - int(starts[owner])
+        return f'{limit.name(row, self.state, self.T)}: {limits.names[limit]}'
 
 
 class Limits:
@@ -156,7 +142,7 @@ class Limits:
                 self.acceleration = limit.A / limit.scale
                 self.braking_limit = limit if limit.reach > 0.0 else None
             if isinstance(limit, JerkLimit):
-                self.jerk = limit.J
+                self.jerk = self._joints['J'].copy()
         self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
         self.active_set = np.zeros(model.n + 1, np.int64)  # of the last tick's search
 
@@ -169,15 +155,15 @@ class Limits:
 
     def at(self, state: ReferenceState, T: Seconds) -> Bounds:
         """Their bounds at a state."""
-        kept, _ = self._fill_boxes(state.dq_prev, state, T)
-        return self._bounds(state, T, kept)
+        self._fill_boxes(state.dq_prev, state, T)
+        return self._bounds(state, T)
 
     def violated(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> Bounds | None:
         """Their bounds at a state, if a velocity does not keep them all; None if it does."""
-        kept, is_inside = self._fill_boxes(dq, state, T)
-        if is_inside and all(limit.is_kept(dq, state, T) for limit in self.row_limits):
+        is_inside = self._fill_boxes(dq, state, T)
+        if is_inside and not self.row_limits:
             return None
-        bounds = self._bounds(state, T, kept)
+        bounds = self._bounds(state, T)
         return None if is_inside and bounds.allow(dq) else bounds
 
     def braked(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> JointVelocities:
@@ -212,16 +198,12 @@ class Limits:
         slowest[np.abs(slowest) < _AT_REST] = 0.0
         return np.clip(_between(dq, slowest, v), *box)
 
-    def _bounds(self, state: ReferenceState, T: Seconds, kept: bool) -> Bounds:
+    def _bounds(self, state: ReferenceState, T: Seconds) -> Bounds:
         rows = [limit.rows(state, T) for limit in self.row_limits]
-        return Bounds(self, state, T, self._boxes.copy(), rows, kept)
+        return Bounds(self, state, T, self._boxes.copy(), rows)
 
-    def _fill_boxes(
-        self, dq: JointVelocities, state: ReferenceState, T: Seconds
-    ) -> tuple[bool, bool]:
-        """Write the boxes of a state into _boxes; whether every joint can keep all of them, and
-        whether dq does.
-        """
+    def _fill_boxes(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
+        """Write the boxes of a state into _boxes; whether dq is in all of them."""
         tick = state.tick
         return fill_boxes(
             dq,

@@ -159,7 +159,7 @@ class FaultMonitor:
             return ''
         _, active = bounds.nearest(command.dq, None, [])
         return (
-            f'held where a limit does not allow it ({active.name if active else ""}): a task '
+            f'held where a limit does not allow it ({active() if active else ""}): a task '
             'velocity moves it back within its limits, or change that limit'
         )
 
