@@ -42,17 +42,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Whether all tests of a file are left out anyway: then what they import need not be loaded."""
-    if not collection_path.name.startswith('test_') or collection_path.suffix != '.py':
+    """Whether only tests against the clock are asked for, and a file has none to be loaded for."""
+    if not config.option.markexpr.startswith('realtime') or collection_path.suffix != '.py':
         return None
-    text = collection_path.read_text(encoding='utf-8')
-    chosen = config.option.markexpr
-    if chosen.startswith('realtime') and 'mark.realtime' not in text:
-        return True
-    of_all = re.search(r'^pytestmark = pytest\.mark\.(\w+)$', text, re.MULTILINE)
-    if of_all and (f'not {of_all[1]}' in chosen or chosen == 'not slow'):
-        return True
-    return None
+    return 'mark.realtime' not in collection_path.read_text(encoding='utf-8') or None
 
 
 @pytest.hookimpl(wrapper=True)
@@ -93,40 +86,6 @@ def pytest_make_parametrize_id(val: object) -> str | None:
 
 
 _LONGEST = 40  # characters of a part of an id
-
-
-@pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
-    """Lines are counted while tests of the day run for the first time. Counting takes as long,
-    and with other parameters they run the same lines.
-    """
-    test, _, _ = item.nodeid.partition('[')
-    counters = []
-    if item.get_closest_marker('nightly') or test in _counted:
-        counters = _stopped_counters()
-    _counted.add(test)
-    try:
-        return (yield)
-    finally:
-        for counter in reversed(counters):
-            counter.start()
-
-
-_counted: set[str] = set()  # tests that have run, without their parameters
-
-
-def _stopped_counters() -> list[Any]:
-    """What counted lines, and has been stopped."""
-    counters: list[Any] = []
-    if 'coverage' not in sys.modules:
-        return counters
-    from coverage import Coverage
-
-    # In a process of pytest-xdist there are two, and as one stops the other goes on.
-    while counter := Coverage.current():
-        counter.stop()
-        counters.append(counter)
-    return counters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

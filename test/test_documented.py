@@ -19,6 +19,7 @@ from typing import NamedTuple
 import pytest
 
 from redres_ros.cli import main, make_parser
+from redres_ros.robots import ARMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
@@ -68,17 +69,8 @@ def commands() -> Iterator[tuple[str, str]]:
     """Page and line of every command without a comment that says why it is not run here."""
     for block in blocks('sh'):
         if not block.mark:
-            for line in block.text.replace('\\\n', '').splitlines():
-                if line.strip():
-                    yield block.page, line.strip()
-
-
-def marks() -> Iterator[tuple[str, str]]:
-    """Page and comment of every block that has one."""
-    for language in ('sh', 'python'):
-        for block in blocks(language):
-            if block.mark:
-                yield block.page, block.mark
+            lines = block.text.replace('\\\n', '').splitlines()
+            yield from ((block.page, line.strip()) for line in lines if line.strip())
 
 
 def python_pages() -> dict[str, str]:
@@ -121,7 +113,10 @@ def test_the_python_of_a_page_runs(
     exec(compile(python_pages()[page], page, 'exec'), {'__name__': page})
 
 
-@pytest.mark.parametrize(('page', 'mark'), list(marks()))
+@pytest.mark.parametrize(
+    ('page', 'mark'),
+    [(block.page, block.mark) for block in (*blocks('sh'), *blocks('python')) if block.mark],
+)
 def test_a_comment_gives_a_reason_or_a_test_that_exists(page: str, mark: str) -> None:
     kind, _, said = mark.partition(': ')
     if kind.startswith('run by '):
@@ -139,3 +134,12 @@ def test_what_a_page_outside_the_site_links_to_is_there(page: str) -> None:
     links = re.findall(r'\]\(([^)#]+)', (ROOT / page).read_text(encoding='utf-8'))
     missing = [link for link in links if '://' not in link and not (ROOT / link).exists()]
     assert missing == []
+
+
+@pytest.mark.parametrize('name', sorted(ARMS))
+def test_every_arm_has_a_row_on_its_page(name: str) -> None:
+    page = (ROOT / 'docs' / 'arms.md').read_text(encoding='utf-8')
+    arm = ARMS[name]
+    pose_task = f'`{name}_pose`' if len(arm.start) > 5 else '–'
+    row = rf'\| `{name}` \|[^|]*\| {len(arm.start)} \| `{arm.task}` \| {pose_task} \|'
+    assert len(re.findall(row, page)) == 1

@@ -14,41 +14,11 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from geometry_msgs.msg import PoseStamped
 from virtual_graph import VirtualRun, virtual_run
 
-from redres_ros.nodes.conversions import to_nanoseconds, to_twist
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.robot_model import RobotModel
 
 PAGES = Path(__file__).parents[1] / 'docs' / 'tutorials'
 RATE = 500.0  # [Hz]
-
-
-def references(run: VirtualRun) -> np.ndarray:
-    """All references since they were kept, (N, n) [rad], one a cycle."""
-    kept = run.graph.kept['joint_command']
-    stamps = [to_nanoseconds(message.header.stamp) for _, message in kept]
-    assert set(np.diff(stamps).tolist()) == {round(1e9 / RATE)}
-    return np.array([message.position for _, message in kept])
-
-
-def servo_at_30_hertz(run: VirtualRun, seconds: float) -> None:
-    """Task velocities as a camera sends them that follows a target round a circle."""
-    for k in range(round(30 * seconds)):
-        angle = 2.0 * np.pi * k / 90.0  # a round in 3 s
-        dx = 0.05 * np.array((0.0, -np.sin(angle), np.cos(angle)))
-        run.graph.publish('cartesian_velocity', to_twist(0, '', dx))
-        run.run(1.0 / 30.0)
-
-
-@pytest.mark.slow
-def test_a_camera_of_30_hertz_moves_the_arm_without_a_jump_at_its_pictures() -> None:
-    with virtual_run(RATE) as run:
-        assert run.run_until(lambda: run.commanding, 5.0)
-        run.graph.kept['joint_command'] = []
-        servo_at_30_hertz(run, 4.0)
-    q = references(run)[round(RATE) :]  # under way
-    acceleration = np.abs(np.diff(q, 2, axis=0)) * RATE**2
-    # Held, each picture's change of 3.5 mm/s would come in one cycle: 1.7 m/s^2 at the tip, and as
-    # much in rad/s^2 of joints half a metre away. The circle itself asks for 0.1 m/s^2.
-    assert acceleration.max() < 0.6
 
 
 def errors_behind_a_camera(gain: float) -> np.ndarray:

@@ -94,20 +94,11 @@ def test_the_package_offers_what_it_names():
         redres_ros.nothing  # noqa: B018
 
 
-def test_a_researchers_controller_costs_no_simulator_no_plots_and_no_ros():
-    program = """
+CONTROLLER = """
 import sys
 from redres_ros import Controller, RobotModel, make_law
 Controller(RobotModel.named('lwr4_paper'), make_law('dynamically_consistent'), 0.001)
-print(*{module.partition('.')[0] for module in sys.modules})
 """
-    done = run_blocked(program)
-    assert done.returncode == 0, done.stderr
-    loaded = set(done.stdout.split())
-    assert {'numpy', 'pinocchio'} <= loaded
-    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'rclpy'}
-
-
 HELP = """
 import sys
 from redres_ros.cli import main
@@ -116,12 +107,16 @@ try:
     main(['--help'])
 except SystemExit:
     pass
-heavy = {'numpy', 'numba', 'pinocchio', 'mujoco', 'rclpy', 'matplotlib'}
-print(*heavy & set(sys.modules), file=sys.stderr)
 """
+LOADED = "print(*{module.partition('.')[0] for module in sys.modules}, file=sys.stderr)"
 
 
-def test_help_loads_nothing_heavy():
-    done = subprocess.run([sys.executable, '-c', HELP], capture_output=True, text=True, check=True)
-    assert done.stderr.strip() == ''
-    assert 'COMMAND' in done.stdout
+@pytest.mark.parametrize(
+    ('program', 'also'),
+    [(CONTROLLER, {'rich'}), (HELP, {'numpy', 'numba', 'pinocchio'})],
+    ids=['controller', 'help'],
+)
+def test_what_is_not_needed_is_not_loaded(program: str, also: set[str]) -> None:
+    done = run_blocked(program + LOADED)
+    assert done.returncode == 0, done.stderr
+    assert not set(done.stderr.split()) & {'mujoco', 'matplotlib', 'rclpy', *also}
