@@ -1,4 +1,7 @@
-"""A film of recorded motions side by side, above a figure of them; for the scripts beside it."""
+"""Films docs/demo.webp: two laws on the paper's task, one stopped by the robot and one not.
+
+Run it with: python docs/film.py
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,12 +11,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
-from render import Film, render
+from render import render
 
-from redres_ros import RobotModel, WaypointTask
+from redres_ros.paper.runs import MOTIONS, Runs
 from redres_ros.simulation.colours import AXES, law_colour
 from redres_ros.simulation.recording import Recording
 
+COLUMN = 'joint_acceleration_norm'
 RATE = 12.5  # pictures a second
 FRACTION = 0.75  # of the size in which the arm is drawn
 LAST = 1.5  # [s] for which the last picture stays
@@ -45,25 +49,23 @@ class FilmedMotion:
         return drawn(figure)
 
 
-def write_film(
-    motions: Sequence[FilmedMotion],
-    model: RobotModel,
-    task: WaypointTask,
-    path: Path,
-    norm: str = 'joint_acceleration_norm',
-) -> None:
-    """Write a .webp in real time; below the arms a column of their recordings is plotted."""
+def main() -> None:
+    """Run the two experiments and film them, in real time, above a plot of a column of both."""
+    runs = Runs()
+    motions = []
+    for name in ('measured_2', 'measured_23'):
+        law = MOTIONS[name].law
+        motions.append(FilmedMotion(runs[name].recording, law, law))
     end = max(motion.recording['t'][-1] for motion in motions)
     times = np.arange(0.0, end + LAST, 1.0 / RATE)
     arms = []
     for motion in motions:
-        ticks = np.minimum(
-            np.searchsorted(motion.recording['t'], times), len(motion.recording.data) - 1
-        )
-        arms.append(render(model.arm, Film.of(motion.recording, model, task, ticks)))
-    images = [scaled(picture) for picture in pictures(motions, arms, times, norm)]
+        last = len(motion.recording.data) - 1
+        ticks = np.minimum(np.searchsorted(motion.recording['t'], times), last)
+        arms.append(render(runs.experiment_model, motion.recording, runs.task, ticks))
+    images = [scaled(picture) for picture in pictures(motions, arms, times, COLUMN)]
     images[0].save(
-        path,
+        Path(__file__).with_name('demo.webp'),
         save_all=True,
         append_images=images[1:],
         duration=round(1000.0 / RATE),
@@ -126,3 +128,7 @@ def scaled(picture: np.ndarray) -> Image.Image:
     """A picture of another size."""
     height, width = (round(FRACTION * edge) for edge in picture.shape[:2])
     return Image.fromarray(picture).resize((width, height), Image.Resampling.LANCZOS)
+
+
+if __name__ == '__main__':
+    main()

@@ -158,11 +158,6 @@ def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
     return found
 
 
-def distance(result: Result) -> float:
-    """The smallest singular value on the way over the reach."""
-    return result.min_singular_value / _reach(result.case.robot)
-
-
 def default_table(results: Sequence[Result]) -> str:
     """The default beside the first law, by how near the task comes to a singularity."""
     heads = (
@@ -238,8 +233,11 @@ def long_table(results: Sequence[Result]) -> str:
 
 
 def distances(results: Sequence[Result]) -> dict[Task, float]:
-    """How near each task comes to a singularity under the first law without limits."""
-    return {_task(each): distance(each) for each, _ in pairs(results, limited=False)[FIRST]}
+    """The smallest singular value on each path over the reach, of the first law without limits."""
+    return {
+        _task(each): each.min_singular_value / _reach(each.case.robot)
+        for each, _ in pairs(results, limited=False)[FIRST]
+    }
 
 
 def ratios(found: Sequence[Pair], head: str) -> list[float]:

@@ -55,28 +55,13 @@ class Result:
 
 Results = dict[Case, Result]
 
-
-def efforts() -> list[Case]:
-    """Cases of the table of efforts."""
-    return [Case(law) for law in LAWS]
-
-
-def dampings() -> list[Case]:
-    """Cases of the table of dampings, without limits."""
-    return [Case('minimum_acceleration', damping=damping) for damping in DAMPINGS]
-
-
-def bounded_dampings() -> list[Case]:
-    """The same with limits."""
-    return [replace(case, limits=LIMITS) for case in dampings()]
-
-
-def half_limits() -> list[Case]:
-    """The rectangle within half the limits."""
-    return [
-        Case(law, limits=LIMITS, limit_scale=0.5)
-        for law in ('minimum_velocity', 'minimum_acceleration')
-    ]
+EFFORTS = [Case(law) for law in LAWS]
+DAMPED = [Case('minimum_acceleration', damping=damping) for damping in DAMPINGS]
+BOUNDED = [replace(case, limits=LIMITS) for case in DAMPED]
+HALF_LIMITS = [
+    Case(law, limits=LIMITS, limit_scale=0.5)
+    for law in ('minimum_velocity', 'minimum_acceleration')
+]
 
 
 def result(case: Case) -> Result:
@@ -96,11 +81,9 @@ def effort_table(results: Results) -> str:
     """One row a law, on the rectangle, without limits."""
     heads = 'law | k_d [1/s] | max ‖q̈‖ [rad/s²] | max ‖q̇‖ [rad/s] | max ‖τ‖ [Nm] | '
     heads += "∫‖τ‖² [Nm² s] | ∫ energy [J s] | elbow's path [m]"
-    least = {
-        name: min(getattr(results[case].effort, name) for case in efforts()) for name in _EFFORT
-    }
+    least = {name: min(getattr(results[case].effort, name) for case in EFFORTS) for name in _EFFORT}
     rows = []
-    for case in efforts():
+    for case in EFFORTS:
         effort = results[case].effort
         damping = f'{case.damping:g}' if LAWS[case.law].has_memory else '–'
         figures = [_figure(getattr(effort, name), least[name]) for name in _EFFORT]
@@ -110,10 +93,10 @@ def effort_table(results: Results) -> str:
 
 def damping_table(results: Results) -> str:
     """The largest acceleration of least acceleration on the rectangle, by damping."""
-    heads = 'k_d [1/s] | ' + ' | '.join(f'{case.damping:g}' for case in dampings())
-    peaks = [f'{results[case].effort.acceleration:.1f}' for case in dampings()]
-    kept = ['yes' if not results[case].effort.violation else 'no' for case in dampings()]
-    ends = [_end(results[case]) for case in bounded_dampings()]
+    heads = 'k_d [1/s] | ' + ' | '.join(f'{case.damping:g}' for case in DAMPED)
+    peaks = [f'{results[case].effort.acceleration:.1f}' for case in DAMPED]
+    kept = ['yes' if not results[case].effort.violation else 'no' for case in DAMPED]
+    ends = [_end(results[case]) for case in BOUNDED]
     rows = [
         ['max ‖q̈‖ [rad/s²]', *peaks],
         ['within the limits?', *kept],
@@ -148,7 +131,7 @@ def limits_text(results: Results) -> str:
     fraction = usage_of(results[velocity].recording, model).max()
     without, within, velocity_half, acceleration_half = (
         results[case].recording
-        for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
+        for case in (velocity, replace(velocity, limits=LIMITS), *HALF_LIMITS)
     )
     nominal = load_task('rectangle').segments * 3.0
     velocity_lost = velocity_half['t'][-1] + T - nominal
@@ -174,12 +157,7 @@ def _figure(value: float, least: float) -> str:
 
 
 def markdown(heads: str, rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown.
-
-    Args:
-        heads: Of the columns, with ' | ' between them.
-        rows: Of cells.
-    """
+    """A table in Markdown, with ' | ' between the heads."""
     rule = '|'.join('---' for _ in heads.split(' | '))
     lines = [f'| {heads} |', f'|{rule}|', *(f'| {" | ".join(row)} |' for row in rows)]
     return '\n'.join(lines) + '\n'
@@ -286,17 +264,8 @@ def write(blocks: dict[str, str], pages: Sequence[Path] = PAGES) -> None:
 
 def all_results() -> Results:
     """Every case, on all processors."""
-    cases = list(
-        dict.fromkeys(
-            [
-                *efforts(),
-                Case('minimum_velocity', limits=LIMITS),
-                *dampings(),
-                *bounded_dampings(),
-                *half_limits(),
-            ]
-        )
-    )
+    bounded = Case('minimum_velocity', limits=LIMITS)
+    cases = list(dict.fromkeys([*EFFORTS, bounded, *DAMPED, *BOUNDED, *HALF_LIMITS]))
     with progress_bar(f'{len(cases)} runs') as progress:
         found = in_parallel(result, cases, progress)
     return dict(zip(cases, found, strict=True))

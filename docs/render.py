@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +11,6 @@ os.environ.setdefault('MUJOCO_GL', 'egl')  # needs no display
 import mujoco
 
 from redres_ros import Recording, RobotModel, WaypointTask
-from redres_ros.robots import Arm
 
 # Where the camera looks [deg]: from the base frame's x towards y, and from the horizontal.
 AZIMUTH = 28.0
@@ -32,81 +30,46 @@ _PATH = 200  # points of a path at most
 _POINT = 0.022  # radius [m]
 
 
-@dataclass(frozen=True)
-class Film:
-    """The content of the pictures.
-
-    Attributes:
-        q: Joint positions, one row a picture, (N, n) [rad].
-        traced: Fraction of the paths covered by then, 0 to 1, (N,).
-        tip: Its path in the base frame, (K, 3) [m].
-        elbow: The same of the elbow, (K, 3) [m].
-        points: Those of the task, (P, 3) [m].
+def render(
+    model: RobotModel, recording: Recording, task: WaypointTask, ticks: np.ndarray
+) -> np.ndarray:
+    """The arm at these ticks (N,) of a motion, with the paths of tip and elbow up to there and the
+    points of the task, (N, height, width, 3) uint8.
     """
-
-    q: np.ndarray
-    traced: np.ndarray
-    tip: np.ndarray
-    elbow: np.ndarray
-    points: np.ndarray
-
-    @classmethod
-    def of(
-        cls, recording: Recording, model: RobotModel, task: WaypointTask, ticks: np.ndarray
-    ) -> 'Film':
-        """Pictures of a motion.
-
-        Args:
-            recording: The motion.
-            model: Model of the arm.
-            task: Its task.
-            ticks: Ticks at which the arm is drawn, (N,).
-        """
-        q = recording.vectors('q1')
-        rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
-        elbow = np.zeros((0, 3))
-        if model.arm.elbow_frame:
-            elbow = np.array([model.position(q[row], model.arm.elbow_frame) for row in rows])
-        tip = recording.vectors('x')[rows]
-        return cls(q[ticks], ticks / max(len(q) - 1, 1), tip, elbow, task.waypoints)
-
-
-def render(arm: Arm, film: Film) -> np.ndarray:
-    """The arm at each q of a film, with the paths up to there, (N, height, width, 3) uint8."""
-    model = _scene(arm.description(), arm.tip_frame)
-    data = mujoco.MjData(model)
+    q = recording.vectors('q1')
+    rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
+    paths = [(recording.vectors('x')[rows], _BLACK)]
+    if model.arm.elbow_frame:
+        elbow = np.array([model.position(q[row], model.arm.elbow_frame) for row in rows])
+        paths.append((elbow, _BLUE))
+    scene = _scene(model.arm.description(), model.arm.tip_frame)
+    data = mujoco.MjData(scene)
     width, height = _SIZE
-    drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
-    with mujoco.Renderer(model, height, width, max_geom=_SPARE + drawn) as renderer:
-        return np.array([_shot(renderer, data, film, frame) for frame in range(len(film.q))])
-
-
-def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int) -> np.ndarray:
-    data.qpos[:] = film.q[frame]
-    mujoco.mj_forward(renderer.model, data)
-    renderer.update_scene(data, _camera())
-    for path, colour in ((film.tip, _BLACK), (film.elbow, _BLUE)):
-        traced = path[: round(film.traced[frame] * len(path))]
-        for start, end in pairwise(traced):
-            line = _add_shape(renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, _LINE, start, colour)
-            mujoco.mjv_connector(line, line.type, _LINE, start, end)
-    for point in film.points:
-        _add_shape(renderer.scene, mujoco.mjtGeom.mjGEOM_SPHERE, _POINT, point, _RED)
-    return renderer.render().copy()
+    drawn = scene.ngeom + 2 * len(rows) + len(task.waypoints)
+    pictures = []
+    with mujoco.Renderer(scene, height, width, max_geom=_SPARE + drawn) as renderer:
+        for tick in ticks:
+            data.qpos[:] = q[tick]
+            mujoco.mj_forward(scene, data)
+            renderer.update_scene(data, _camera())
+            for path, colour in paths:
+                for start, end in pairwise(path[: round(tick / (len(q) - 1) * len(path))]):
+                    line = _add_shape(renderer.scene, 'CAPSULE', _LINE, start, colour)
+                    mujoco.mjv_connector(line, line.type, _LINE, start, end)
+            for point in task.waypoints:
+                _add_shape(renderer.scene, 'SPHERE', _POINT, point, _RED)
+            pictures.append(renderer.render().copy())
+    return np.array(pictures)
 
 
 def _add_shape(
-    scene: mujoco.MjvScene,
-    shape: mujoco.mjtGeom,
-    radius: float,
-    place: np.ndarray,
-    colour: Iterable[float],
+    scene: mujoco.MjvScene, shape: str, radius: float, place: np.ndarray, colour: Iterable[float]
 ) -> mujoco.MjvGeom:
     """A shape of this picture alone, without a shadow."""
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(
         geom,
-        shape,
+        getattr(mujoco.mjtGeom, f'mjGEOM_{shape}'),
         np.full(3, radius),
         place,
         np.eye(3).ravel(),
@@ -133,7 +96,14 @@ def _scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
     for geom in spec.geoms:
         geom.material = 'paint'
     _add_tool(spec.body(tip_frame))
-    _add_surroundings(spec)
+    _add_floor(spec)
+    _add_lights(spec)
+    spec.stat.extent = 1.4
+    spec.stat.center = _LOOK_AT
+    visual = spec.visual
+    visual.global_.offwidth, visual.global_.offheight = _SIZE
+    visual.quality.offsamples = 8
+    visual.quality.shadowsize = 4096
     return spec.compile()
 
 
@@ -146,17 +116,6 @@ def _add_tool(tip: mujoco.MjsBody) -> None:
             rgba=_VIOLET,
             material='paint',
         )
-
-
-def _add_surroundings(spec: mujoco.MjSpec) -> None:
-    _add_floor(spec)
-    _add_lights(spec)
-    spec.stat.extent = 1.4
-    spec.stat.center = _LOOK_AT
-    visual = spec.visual
-    visual.global_.offwidth, visual.global_.offheight = _SIZE
-    visual.quality.offsamples = 8
-    visual.quality.shadowsize = 4096
 
 
 def _add_floor(spec: mujoco.MjSpec) -> None:

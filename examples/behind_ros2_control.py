@@ -66,12 +66,7 @@ class Robot(Node):
 
 
 def run(robot: Robot, seconds: float) -> None:
-    """One cycle after the other until so much time has passed in motion.
-
-    Args:
-        robot: After being held up it goes on in no burst.
-        seconds: How long.
-    """
+    """Cycles until so much time has passed in motion; a delay is followed by no burst."""
     due = time.monotonic()
     while robot.states * robot.period < seconds:
         robot.publish_state()

@@ -62,12 +62,7 @@ class Servo(Node):
         self.states.append((stamp, np.array(message.position)))
 
     def on_picture(self, tip: np.ndarray, frame: str) -> None:
-        """Command by what the picture before showed: looking takes time.
-
-        Args:
-            tip: Where it is, (3,) [m].
-            frame: Along whose axes.
-        """
+        """Command by what the picture before showed, along a frame's axes: looking takes time."""
         if self.centre is None:
             self.centre = tip - (0.0, RADIUS, 0.0)
         before = self.seen
@@ -80,12 +75,7 @@ class Servo(Node):
             self.steer(GAIN * before, frame)
 
     def steer(self, dx: np.ndarray, frame: str) -> None:
-        """Send a task velocity that is to act now.
-
-        Args:
-            dx: (3,) [m/s].
-            frame: Along whose axes.
-        """
+        """Send a task velocity (3,) [m/s] along a frame's axes that is to act now."""
         speed = float(np.linalg.norm(dx))
         if speed > FASTEST:
             dx = dx * (FASTEST / speed)

@@ -5,7 +5,7 @@ from typing import Any
 
 from sphinx.errors import ExtensionError
 
-from extension.graph import Parameter, interfaces
+from extension.graph import interfaces
 from extension.markdown import code, plain, table
 from extension.texts import ON_DEMAND, SERVICES, TOPICS
 
@@ -15,8 +15,7 @@ def topics() -> Iterator[str]:
     graph = interfaces()
     types = {}
     for node in graph.values():
-        types.update({topic: kind for topic, (kind, _) in node.published.items()})
-        types.update(node.subscribed)
+        types |= node.published | node.subscribed
     types.setdefault('forward_position_controller/commands', 'std_msgs/Float64MultiArray')
     _check_words('topic', TOPICS, types)
     rows = [
@@ -39,24 +38,27 @@ def services() -> Iterator[str]:
 def parameters(of: str) -> Iterator[str]:
     """The parameters of a node; of every node: those that all of them have."""
     graph = interfaces()
-    shared = set.intersection(*({p.name for p in node.parameters} for node in graph.values()))
-    name = 'controller' if of == 'every' else of
+    shared = set.intersection(*(set(node.parameters) for node in graph.values()))
     rows = [
-        _parameter(parameter)
-        for parameter in graph[name].parameters
-        if (parameter.name in shared) == (of == 'every')
+        (
+            code(name),
+            code(_shown(default)),
+            plain(described.description),
+            plain(_allowed(described)),
+            '' if described.read_only else 'live',
+        )
+        for name, (default, described) in graph[
+            of if of in graph else 'controller'
+        ].parameters.items()
+        if (name in shared) == (of == 'every')
     ]
     yield from table(('parameter', 'default', 'is', 'allowed', 'live'), rows)
 
 
-def _parameter(parameter: Parameter) -> tuple[str, ...]:
-    return (
-        code(parameter.name),
-        code(_shown(parameter.default)),
-        plain(parameter.description),
-        plain(parameter.allowed),
-        'live' if parameter.live else '',
-    )
+def _allowed(described: Any) -> str:
+    for span in (*described.floating_point_range, *described.integer_range):
+        return f'{span.from_value:g} to {span.to_value:g}'
+    return described.additional_constraints.removeprefix('one of: ')
 
 
 def _shown(value: Any) -> str:
@@ -80,8 +82,7 @@ def _direction(topic: str) -> str:
 
 
 def _mark(topic: str) -> str:
-    latched = any(node.published.get(topic, ('', False))[1] for node in interfaces().values())
-    if latched:
+    if any(topic in node.latched for node in interfaces().values()):
         return '; *latched*'
     return '; *on demand*' if topic.startswith(ON_DEMAND) else ''
 
