@@ -315,7 +315,12 @@ ONCE_ONLY = ('sim/session_state', 'sim/stop_reason', 'target_pose')
 def other_cells() -> list[Any]:
     """Every situation, channel and fault; by day some of them."""
     every = [
-        pytest.param(situation, channel, name, id=f'{situation.name}-{channel.title}-{name}')
+        pytest.param(
+            situation,
+            channel,
+            name,
+            id=f'{situation.name}-{channel.topic}-{channel.listener}-{name}',
+        )
         for situation, channel, name in product(Situation, CHANNELS, FAULTS)
         if (channel.topic not in ONCE_ONLY or name not in ('slow', 'intermittent', 'reordered'))
         and (channel.topic != 'target_pose' or situation is not Situation.STARTING)

@@ -211,19 +211,16 @@ class Loop:
     swing from there.
     """
 
-    def __init__(
-        self, faults: Faults | None = None, profile: str = 'lwr_fri1', seed: int = 0
-    ) -> None:
+    def __init__(self, faults: Faults | None = None, profile: str = 'lwr_fri1') -> None:
         plant = FaultyPlant(IdealPlant(LIMITS.joint_names, T, np.zeros(7)))
         settings = SessionSettings(profile=profile, monitor_time=0.1)
         self.robot = FakeRobot(plant, LIMITS, settings)
         self.session = self.robot.session
-        self.connection = Connection(self.robot, seed=seed)
-        self.states: NetworkModel[int] = NetworkModel(f'{seed} states')
+        self.connection = Connection(self.robot)
+        self.states: NetworkModel[int] = NetworkModel('0 states')
         self.start = np.zeros(7)
         self.start_tick = 0  # where and at which tick the swing begins
         self.references = [self.robot.reference]
-        self.stopped_at = 0
         self.inject(faults or Faults())
 
     def inject(self, faults: Faults) -> None:
@@ -233,11 +230,8 @@ class Loop:
     def run(self, cycles: int) -> 'Loop':
         for _ in range(cycles):
             tick = self.robot.tick
-            commanded = self.session.commanding
             self.connection.advance()
             self.references.append(self.robot.reference)
-            if commanded and not self.session.commanding:
-                self.stopped_at = tick
             self.states.send(tick, tick)
             for state in self.states.receive(tick):
                 self.connection.send(state, self._command(state))
@@ -258,28 +252,14 @@ def test_a_few_lost_states_and_commands_are_bridged(profile):
     assert (np.abs(np.diff(loop.references, 2, axis=0)) <= LIMITS.acceleration * T * T).all()
 
 
-TOO_LATE = 'newest command is 6 cycles late, 5 are bridged'
-FAULTS = {
-    'lost commands': ({'command_loss': 1.0}, TOO_LATE, 'response_rate'),
-    'lost states': ({'state_loss': 1.0}, TOO_LATE, 'response_rate'),
-    'late commands': ({'command_delay': 8}, TOO_LATE, 'miss_rate'),
-    'many lost states': ({'state_loss': 0.6}, 'the', 'response_rate'),
-}
-
-
-@pytest.mark.parametrize('profile', ['lwr_fri1', 'sunrise'])
-@pytest.mark.parametrize(('fault', 'reason', 'at_fault'), FAULTS.values(), ids=list(FAULTS))
-def test_a_fault_that_sets_in_stops_the_arm_gently_and_reports_why_and_reset_recovers(
-    fault, reason, at_fault, profile
-):
-    loop = Loop(profile=profile).run(400)
+def test_a_fault_that_sets_in_stops_the_arm_gently_and_reset_recovers():
+    loop = Loop().run(400)
     assert loop.session.commanding
-    loop.inject(Faults(**fault))
+    loop.inject(Faults(command_delay=8))
     loop.run(400)
-    assert loop.session.reason.startswith('timing: ')
-    assert reason in loop.session.reason
-    assert loop.session.timing.at_fault == at_fault
-    stop = np.array(loop.references[loop.stopped_at - 1 :])
+    assert loop.session.reason == 'timing: the newest command is 6 cycles late, 5 are bridged'
+    assert loop.session.timing.at_fault == 'miss_rate'
+    stop = np.array(loop.references[-401:])
     assert (np.abs(np.diff(stop, 2, axis=0)) <= LIMITS.acceleration * T * T + 1e-12).all()
     assert (stop[-1] == stop[-2]).all()
     loop.inject(Faults())

@@ -137,11 +137,6 @@ class Channel(NamedTuple):
     garbage: tuple[Callable[[Any], None], ...]
     wrong: Callable[[Any], None]
 
-    @property
-    def title(self) -> str:
-        """As the table has it."""
-        return f'`{self.topic}` → {self.listener}'
-
 
 def off_by_far(message: Any) -> None:
     """All joints are 0.2 rad off."""
