@@ -46,27 +46,17 @@ _ADDRESS = 'page: '  # how the line begins in which it reports its address
 
 @dataclass
 class Demo:
-    """One run of the three nodes in the ROS domain that the environment names.
+    """One run of the three nodes in the ROS domain that the environment names."""
 
-    Attributes:
-        task: What the planner node runs, by the name in its parameter `task`.
-        model: Of the arm that carries it out.
-        make_law: Gives the law of a name, with the gains of the run.
-        parameters: Of the nodes; each takes those that it has.
-        out: Directory for what the nodes print.
-        duration: How long the task is repeated [s]; 0 for once.
-        page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
-        interrupted: Whether Ctrl-C has ended it.
-    """
-
-    task: WaypointTask
+    task: WaypointTask  # what the planner node runs, by the name in its parameter `task`
     model: RobotModel
-    make_law: Callable[[str], Law]
-    parameters: Mapping[str, Any]
-    out: Path
-    duration: float = 0.0
+    make_law: Callable[[str], Law]  # gives the law of a name, with the gains of the run
+    parameters: Mapping[str, Any]  # of the nodes; each takes those that it has
+    out: Path  # directory for what the nodes print
+    duration: float = 0.0  # how long the task is repeated [s]; 0 for once
+    # Parameters of the page, with which the nodes stay until Ctrl-C; None for no page
     page: Mapping[str, Any] | None = None
-    interrupted: bool = field(default=False, init=False)
+    interrupted: bool = field(default=False, init=False)  # whether Ctrl-C has ended it
 
     def __post_init__(self) -> None:
         self._T = 1.0 / self.parameters['rate']
@@ -236,7 +226,6 @@ class Demo:
                 print(f'page {self._page_address} (the nodes stay until Ctrl-C)', flush=True)
 
     def outcome(self) -> Outcome:
-        """The outcome of the run."""
         log = self._log
         pose = self.task.orientations is not None
         recording = replay(log, self.model, self.make_law, self._T, pose)

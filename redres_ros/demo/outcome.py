@@ -14,20 +14,11 @@ _STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as
 
 
 class Outcome(NamedTuple):
-    """The outcome of a demo.
-
-    Attributes:
-        recording: Recording of the task.
-        summary: `task`: how it ended, 'finished' if a robot that was not stopped reached the last
-            point; `stop_reason`, why the robot stopped itself; `session`, the robot's states;
-            `rounds` of the task. Once it has begun, `motion` and `cycles`, of `motion_values` and
-            `count_cycles`.
-        forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4).
-    """
+    """The outcome of a demo."""
 
     recording: Recording
-    summary: Mapping[str, Any]
-    forces: np.ndarray
+    summary: Mapping[str, Any]  # how it ended, in words, `motion_values` and `count_cycles`
+    forces: np.ndarray  # times [s], and forces on the tip in the base frame [N], (N, 4)
 
 
 def motion_values(
@@ -85,6 +76,5 @@ def summary_table(summary: Mapping[str, Any], title: str) -> Table:
 
 
 def _peak(value: tuple[float, float], scale: float, unit: str) -> str:
-    """A peak and its time."""
     size, at = value
     return f'{scale * size:.3f} {unit} at {at:.3f} s'

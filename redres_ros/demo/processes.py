@@ -22,13 +22,9 @@ class GraphError(RedresError):
 class NodeProcess:
     """One of our nodes as a process of its own, which cannot outlive this one.
 
-    It does not get the terminal's Ctrl-C: the process that started it ends it.
-
-    Args:
-        name: An executable of nodes/, or a module of the package, such as 'view.page'; its own
-            options may follow, as in 'composed --no-sim'.
-        log: File for what it prints.
-        parameters: Parameters of the node.
+    It does not get the terminal's Ctrl-C: the process that started it ends it. What it prints goes
+    to the log. The name is that of an executable of nodes/, or a module of the package, such as
+    'view.page'; its own options may follow, as in 'composed --no-sim'.
     """
 
     def __init__(self, name: str, log: Path, parameters: Mapping[str, Any]) -> None:
@@ -54,7 +50,6 @@ class NodeProcess:
         self.pid = self._process.pid
 
     def status(self) -> int | None:
-        """Its exit status; None while it runs."""
         return self._process.poll()
 
     def check(self) -> None:
@@ -65,7 +60,6 @@ class NodeProcess:
             raise GraphError(f'node {self.name} ended with status {status}: {printed}')
 
     def last_line(self) -> str:
-        """The last line printed so far."""
         lines = self._log.read_text(errors='replace').strip().splitlines()
         return lines[-1] if lines else ''
 

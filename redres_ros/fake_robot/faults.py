@@ -44,7 +44,6 @@ class NetworkModel(Generic[M]):
         self._overtaken: list[M] = []  # to arrive right after the next message
 
     def send(self, message: M, tick: int) -> None:
-        """Send a message at a tick."""
         losing, doubling, overtaking = (self._random.random() for _ in range(3))
         if losing < self.link.loss:
             return

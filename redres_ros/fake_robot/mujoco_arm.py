@@ -66,9 +66,7 @@ def servo_model(
     ctrl is dq_r for the first two; the position actuators integrate it to q_r, their activation, so
     a cycle is one call into C.
 
-    Raises:
-        FileError: MuJoCo cannot use the URDF.
-        UnknownNameError: The URDF lacks the tip frame.
+    Raises FileError for a URDF that MuJoCo cannot use, UnknownNameError for one without the tip.
     """
     spec = load(arm)
     if spec.body(arm.tip_frame) is None:

@@ -32,9 +32,7 @@ class IdealPlant:
     """An arm that reaches its reference exactly one cycle later: the paper's assumption. It does
     not yield to forces. Raises ArrayError for a start of another length, or one not finite.
 
-    Attributes:
-        q: Joint positions; a new array in each cycle, as the next.
-        dq: Mean joint velocities of the last cycle.
+    q and its mean velocity dq over the last cycle are new arrays in each cycle.
     """
 
     links: tuple[str, ...] = ()  # any may be pushed
@@ -49,7 +47,6 @@ class IdealPlant:
         self.external_torques = np.zeros_like(self.q)
 
     def step(self, q_ref: JointPositions) -> None:
-        """Move to q_ref."""
         self.dq = (q_ref - self.q) / self.period
         self.q = np.array(q_ref, dtype=np.float64)
 
@@ -77,16 +74,8 @@ class MujocoPlant:
     inertia matrix, no mode is ever underdamped. At w = 100 the tip follows the paper's task to
     1 um, and to 0.12 mm where a joint jumps.
 
-    Attributes:
-        q: Joint positions; a new array in each cycle, as the next.
-        dq: Joint velocities.
-
-    Raises:
-        RedresError: The period is not a whole number of plant steps.
-        FileError: MuJoCo cannot use the URDF.
-        UnknownNameError: The URDF lacks the tip frame.
-        ArrayError: A start of another length, or one that is not finite.
-        RangeError: A start outside the limits.
+    Raises RedresError for a period that is not a whole number of plant steps, ArrayError or
+    RangeError for a start outside the limits, and as `servo_model`.
     """
 
     def __init__(
@@ -98,7 +87,12 @@ class MujocoPlant:
         environment: EnvironmentSettings | None = None,
         servo_bandwidth: float = 100.0,
     ) -> None:
-        self._substeps = _whole_steps(period)
+        self._substeps = round(period / PLANT_STEP)
+        if not abs(period / PLANT_STEP - self._substeps) < 1e-6 * self._substeps:
+            raise RedresError(
+                f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not '
+                f'a whole number of plant steps of {1e3 * PLANT_STEP:g} ms'
+            )
         self._model = servo_model(arm, environment or EnvironmentSettings(), servo_bandwidth)
         self._data = mujoco.MjData(self._model)
         self._tip = self._model.body(arm.tip_frame).id
@@ -188,33 +182,17 @@ class MujocoPlant:
         yield _Force(pushed, data.xpos[pushed], data.xfrc_applied[pushed, :3])
 
 
-def _whole_steps(period: Seconds) -> int:
-    steps = round(period / PLANT_STEP)
-    if not (steps >= 1 and abs(period / PLANT_STEP - steps) < 1e-6 * steps):
-        raise RedresError(
-            f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a '
-            f'whole number of plant steps of {1e3 * PLANT_STEP:g} ms'
-        )
-    return steps
-
-
 class FaultyPlant:
-    """A plant as its faulty sensors show it; without faults exactly the plant itself.
+    """A plant as its faulty sensors show it; without faults exactly the plant itself. Raises as
+    `check`.
 
     Noise of the encoders is drawn once a cycle, the same for the same seed. The velocities of
-    encoders at fault are differences of their positions.
-
-    Attributes:
-        true: The plant itself.
-        faults: Of this arm; others act from the next cycle on, once they are checked.
-        q: Measured joint positions; a new array in each cycle, as the next.
-        dq: Measured joint velocities.
+    encoders at fault are differences of their positions. Other faults act from the next cycle on.
     """
 
     def __init__(
         self, plant: IdealPlant | MujocoPlant, faults: Faults | None = None, seed: int = 0
     ) -> None:
-        """Raises as `check`."""
         self.true = plant
         self.joint_names = plant.joint_names
         self.period = plant.period

@@ -71,7 +71,6 @@ class Profile:
     jerk_limit: float = math.inf  # [rad/s^3]
 
     def after(self, state: str, event: Event) -> str:
-        """The state to which an event leads."""
         return self.transitions[state].get(event, state)
 
 

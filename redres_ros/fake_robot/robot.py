@@ -158,7 +158,6 @@ class ReferenceInterpolator:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the reference stands still."""
         return not self._step.any()
 
     def begin(self, command: JointPositions) -> None:

@@ -62,7 +62,6 @@ class Session:
 
     @property
     def quality(self) -> str:
-        """The quality of the connection by its name."""
         return self.profile.qualities[self.timing.quality]
 
     @property

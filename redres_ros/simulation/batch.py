@@ -79,7 +79,6 @@ class Result:
 
     @property
     def finished(self) -> bool:
-        """Whether the last point was reached."""
         return self.effort is not None and self.effort.finished
 
     @property

@@ -77,7 +77,6 @@ class Recording:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns."""
         return columns(self.n, self.pose)
 
     def __getitem__(self, name: str) -> np.ndarray:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 from rich.table import Table
 from rich.text import Text
 
@@ -76,16 +76,8 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     processes that copy this one.
     """
     console = Console(stderr=True)
-    bar = Progress(
-        TextColumn('{task.description}'),
-        BarColumn(),
-        TextColumn('{task.percentage:3.0f} %'),
-        TimeElapsedColumn(),
-        transient=True,
-        console=console,
-        disable=not console.is_terminal,
-        auto_refresh=False,
-    )
+    is_hidden = not console.is_terminal
+    bar = Progress(transient=True, console=console, disable=is_hidden, auto_refresh=False)
     task = bar.add_task(label, total=1.0)
     with bar:
         yield lambda fraction: bar.update(task, completed=fraction, refresh=True)
