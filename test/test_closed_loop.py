@@ -39,12 +39,6 @@ def one_segment(task: WaypointTask = TASK) -> WaypointTask:
 # --- against a loop of its own --------------------------------------------------------------------
 
 DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]
-UNDAMPED = [
-    'minimum_acceleration',
-    'minimum_weighted_torque',
-    'dynamically_consistent',
-    'minimum_torque',
-]
 
 
 @cache
@@ -53,18 +47,6 @@ def damped_loops() -> np.ndarray:
     laws, k_d = zip(*DAMPED, strict=True)
     dampings = np.where(np.array(k_d) == FORGETFUL, 1.0 / T, k_d)
     return independent.loop(list(laws), dampings, T, np.tile(independent.Q0, (len(laws), 1)), 9.0)
-
-
-@cache
-def undamped_loops() -> tuple[np.ndarray, np.ndarray]:
-    """q (ticks, rows of UNDAMPED, 7) of the first segment; and of twins that start 1e-12 rad
-    away.
-    """
-    twins = independent.Q0 + 1e-12 * np.random.default_rng(0).normal(size=(len(UNDAMPED), 7))
-    start = np.concatenate((np.tile(independent.Q0, (len(UNDAMPED), 1)), twins))
-    with np.errstate(all='ignore'):  # the torque laws run away in the end
-        q = independent.loop(UNDAMPED * 2, np.zeros(len(start)), T, start, 3.0)
-    return q[:, : len(UNDAMPED)], q[:, len(UNDAMPED) :]
 
 
 @pytest.mark.parametrize(('law', 'k_d'), DAMPED)
@@ -76,17 +58,6 @@ def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d):
     # A start 1e-12 rad away ends 1e-10 rad away with minimum_torque and 1e-11 with the others;
     # rounding is far below.
     assert np.abs(q[:ticks] - expected).max() < 1e-8
-
-
-@pytest.mark.parametrize('law', UNDAMPED)
-def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(law):
-    q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops())
-    got = run(Controller(MODEL, make_law(law, damping=0.0), T), one_segment()).vectors('q1')
-    apart = np.abs(q - twin).max(axis=1) > 1e-9  # from 1e-12 at the start
-    # ticks in which errors grow up to 1000 times
-    steady = int(np.argmax(apart)) if apart.any() else len(q)
-    assert steady * T > (0.5 if law == 'minimum_torque' else 1.9)
-    assert np.abs(got[:steady] - q[:steady]).max() < 1e-6
 
 
 # --- the figures ----------------------------------------------------------------------------------
@@ -122,21 +93,6 @@ def test_the_peaks_are_those_expected(law, k_d, acceleration, at, velocity, torq
 )  # at 80 rad/s J is not constant for a tick
 def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law):
     assert simulated(law, T)['task_error'].max() < TASK.tolerance
-
-
-def test_the_columns_belong_together():
-    recording = simulated('minimum_acceleration', T)
-    q = recording.vectors('q1')
-    dq = recording.vectors('dq1')
-    ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
-    assert q[1:] == pytest.approx(q[:-1] + T * dq[:-1], abs=1e-14)
-    assert recording['joint_acceleration_norm'] == pytest.approx(
-        np.linalg.norm(ddq, axis=1), abs=1e-9
-    )
-    error = recording.vectors('x_d') - recording.vectors('x')
-    assert recording['task_error'] == pytest.approx(np.linalg.norm(error, axis=1), abs=1e-15)
-    assert recording['t'] == pytest.approx(T * np.arange(len(q)), abs=1e-12)
-    assert recording['segment'][[0, 1499, 1500, 2999, 3000, 4499]].tolist() == [1, 1, 2, 2, 3, 3]
 
 
 # --- the loop's own options -----------------------------------------------------------------------

@@ -18,11 +18,9 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from lifecycle_msgs.msg import Transition
 from nightly import by_day
 from reference_judge import ReferenceJudge, judge_graph
-from test_contact_nodes import FORCE, ON, force, mode, table_below
 from virtual_graph import IDEAL, Fault, VirtualRun, virtual_run
 from wire_faults import CHANNELS, FAULTS, WRENCH, Channel, make_fault
 
-from redres_ros.loop.modes import Mode
 from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -102,30 +100,6 @@ def expected() -> dict[tuple[str, str], list[Cell]]:
 
 
 EXPECTED = expected()
-
-
-class InContact(NamedTuple):
-    """What goes wrong while the arm yields: parameters of the robot and of the controller, and what
-    is on the controller's log as it comes to hold.
-    """
-
-    sim: dict[str, Any]
-    controller: dict[str, Any]
-    words: str
-
-
-IN_CONTACT = {
-    'the wrench is stale': InContact({'wrench_fault': 'lost'}, {}, 'no wrench for 0.05 s'),
-    'the wrench is not finite': InContact(
-        {'wrench_fault': 'not_finite'}, {}, 'expected finite values'
-    ),
-    'a force above `force_limit`': InContact(
-        {'push_force': [0.0, 0.0, 150.0]}, {}, 'the tip has retreated'
-    ),
-    'nothing touches any more': InContact(
-        {}, {'admittance.force': [0.0, 0.0, -FORCE]}, 'no contact within 0.05 m'
-    ),
-}
 
 
 def cells() -> list[Any]:
@@ -224,24 +198,6 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
         assert not scene.stopped
         scene.assert_nothing_jumped()
         judge.assert_followable()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('name', by_day(2, IN_CONTACT))
-def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) -> None:
-    case = IN_CONTACT[name]
-    with table_below(RATE) as run:
-        assert run.set('controller', **ON)
-        run.run(1.5)
-        safety_filter = run.nodes['controller']._loop.safety_filter
-        assert force(run, 0.1) == pytest.approx(FORCE, abs=1.0)
-        assert run.set('controller', **case.controller)
-        assert run.set('sim', **case.sim)
-        run.run(5.0)
-        assert mode(run) is Mode.HOLDING
-        assert any(case.words in line for node, line in run.graph.log if node == 'controller')
-        assert case.words in run.health('controller').message
-        assert safety_filter.count == 0
 
 
 # --- an arm that does something else --------------------------------------------------------------
