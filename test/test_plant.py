@@ -16,11 +16,6 @@ T = 0.002  # [s]
 MOVE = np.array([1.0, -0.7, -0.8, -1.0, 0.8, 0.7, 1.0])  # away from the joint limits
 
 
-def plants(q0: np.ndarray) -> list[IdealPlant | MujocoPlant]:
-    mujoco_plant = MujocoPlant(find_arm('lwr4'), T, q0)
-    return [IdealPlant(mujoco_plant.joint_names, T, q0), mujoco_plant]
-
-
 def quintic(s: np.ndarray) -> np.ndarray:
     """Rest-to-rest profile of Eq. (36)."""
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
@@ -48,16 +43,6 @@ def test_an_ideal_plant_is_where_its_reference_says():
         assert (plant.q == reference).all()
         assert (plant.dq == (reference - q) / T).all()
         q = reference
-
-
-def test_plants_keep_copies_of_their_references():
-    for plant in plants(Q0):
-        reference = Q0.copy()
-        plant.step(reference)
-        reference += 1.0
-        assert plant.q == pytest.approx(Q0, abs=1e-9)
-        plant.step(Q0)
-        assert np.abs(plant.dq).max() < 1e-6
 
 
 @pytest.mark.parametrize('q0', [np.zeros(6), np.zeros((7, 1)), np.full(7, np.nan)])
@@ -173,18 +158,6 @@ def test_a_push_at_the_tip_is_carried_by_the_stiffness_of_the_servos(tip_frame):
     assert stiffness * (q - Q0) == pytest.approx(
         J.T @ force, abs=1e-6
     )  # [Nm]: gravity is compensated
-
-
-def test_a_push_acts_at_the_tip_from_the_first_cycle_on():
-    arm = replace(find_arm('lwr4'), tip_frame='link_7')
-    at_once = MujocoPlant(arm, T, Q0)
-    later = MujocoPlant(arm, T, Q0)
-    later.step(Q0)
-    for plant in (at_once, later):
-        plant.push(np.array([0.0, 0.0, 100.0]))
-        plant.step(Q0)
-    assert at_once.dq == pytest.approx(later.dq, abs=1e-12)
-    assert np.abs(at_once.dq).max() > 1e-3
 
 
 def test_the_force_on_the_tip_is_reported_along_the_axes_of_the_tip() -> None:

@@ -6,6 +6,7 @@ A Franka arm at 1000 Hz, whose client commands a motion that each test continues
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import groupby, product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,70 +74,49 @@ def commanding(q: np.ndarray = START) -> Client:
     return client
 
 
-def start_pose() -> Client:
-    client = Client()
-    client.q = START + 0.02 * FIRST
-    client.hold(60)
-    return client
-
-
-def position() -> Client:
-    upper = LIMITS.upper * FIRST
-    client = commanding(START * (1.0 - FIRST) + upper - 1e-6 * FIRST)
-    client.command(client.q + 2e-6 * FIRST)
-    return client
-
-
-def braking() -> Client:
-    client = commanding()
-    velocity = client.accelerate(4.0, 250)  # to 1 rad/s
-    client.accelerate(0.0, 3000, velocity)
-    return client
-
-
-def velocity() -> Client:
-    client = commanding()
-    client.accelerate(4.0, 660)  # to 2.64 rad/s; allowed are 2.62
-    return client
-
-
-def acceleration() -> Client:
-    client = commanding()
-    client.command(client.q + 0.0101 * T * FIRST)  # 10.1 rad/s^2; allowed are 10
-    return client
-
-
-def jerk() -> Client:
-    client = commanding()
-    client.command(client.q + 0.0051 * T * FIRST)  # 5.1 rad/s^2 at once; allowed are 5 a cycle
-    return client
-
-
-def timing() -> Client:
-    client = commanding()
+def lose_commands(client: Client) -> None:
     for _ in range(20):
         client.advance()
-    return client
 
 
-REFLEXES: dict[Reflex, tuple[Callable[[], Client], str]] = {
-    Reflex.TIMING: (timing, 'communication_constraints_violation'),
-    Reflex.START_POSE: (start_pose, 'joint_position_motion_generator_start_pose_invalid'),
-    Reflex.POSITION: (position, 'joint_motion_generator_position_limits_violation'),
-    Reflex.BRAKING: (braking, 'joint_motion_generator_velocity_limits_violation'),
-    Reflex.VELOCITY: (velocity, 'joint_motion_generator_velocity_limits_violation'),
-    Reflex.ACCELERATION: (acceleration, 'joint_motion_generator_velocity_discontinuity'),
-    Reflex.JERK: (jerk, 'joint_motion_generator_acceleration_discontinuity'),
+def begin_elsewhere(client: Client) -> None:
+    client.session.reset()
+    client.q = START + 0.02 * FIRST
+    client.hold(60)
+
+
+NEAR_THE_END = START * (1.0 - FIRST) + (LIMITS.upper - 1e-6) * FIRST
+REFLEXES: dict[Reflex, tuple[Callable[[Client], Any], str]] = {
+    Reflex.TIMING: (lose_commands, 'communication_constraints_violation'),
+    Reflex.START_POSE: (begin_elsewhere, 'joint_position_motion_generator_start_pose_invalid'),
+    Reflex.POSITION: (
+        lambda client: client.command(client.q + 2e-6 * FIRST),
+        'joint_motion_generator_position_limits_violation',
+    ),
+    Reflex.BRAKING: (
+        lambda client: client.accelerate(0.0, 3000, client.accelerate(4.0, 250)),  # at 1 rad/s
+        'joint_motion_generator_velocity_limits_violation',
+    ),
+    Reflex.VELOCITY: (
+        lambda client: client.accelerate(4.0, 660),  # to 2.64 rad/s; allowed are 2.62
+        'joint_motion_generator_velocity_limits_violation',
+    ),
+    Reflex.ACCELERATION: (
+        lambda client: client.accelerate(10.1, 1),  # allowed are 10
+        'joint_motion_generator_velocity_discontinuity',
+    ),
+    Reflex.JERK: (
+        lambda client: client.accelerate(5.1, 1),  # allowed are 5 a cycle
+        'joint_motion_generator_acceleration_discontinuity',
+    ),
 }
 
 
-@pytest.mark.parametrize(
-    ('provoke', 'name'), REFLEXES.values(), ids=[reflex.name for reflex in REFLEXES]
-)
-def test_a_violation_is_a_reflex_by_libfrankas_name_and_after_recovery_the_arm_moves_again(
-    provoke, name
-):
-    client = provoke()
+@pytest.mark.parametrize('reflex', Reflex)
+def test_a_violation_is_a_reflex_by_libfrankas_name_and_after_recovery_the_arm_moves_again(reflex):
+    client = commanding(NEAR_THE_END if reflex is Reflex.POSITION else START)
+    provoke, name = REFLEXES[reflex]
+    provoke(client)
     assert client.session.reason.startswith(f'{name}: ')
     robot = client.connection.robot
     while not robot.at_rest:

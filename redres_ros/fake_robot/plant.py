@@ -48,7 +48,7 @@ class IdealPlant:
 
     def step(self, q_ref: JointPositions) -> None:
         self.dq = (q_ref - self.q) / self.period
-        self.q = np.array(q_ref, dtype=np.float64)
+        self.q = q_ref
 
     def push(self, force: Force, link: str = '') -> None:
         """Do nothing."""
@@ -121,7 +121,7 @@ class MujocoPlant:
         data.act[:] = self._reference  # the servos' reference; MuJoCo integrates it with ctrl
         data.ctrl[:] = np.concatenate((velocity, velocity, torque))
         mujoco.mj_step(self._model, data, self._substeps)
-        self._reference = np.array(q_ref, dtype=np.float64)
+        self._reference = q_ref
         self._velocity = velocity
         self.q = data.qpos.copy()
         self.dq = data.qvel.copy()
