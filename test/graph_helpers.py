@@ -17,18 +17,14 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from reference_judge import ReferenceJudge
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
-from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.nodes.conversions import (
-    deserialised,
-    stamp_of,
     to_joint_state,
     to_nanoseconds,
     to_twist,
@@ -51,7 +47,6 @@ START = load_task('rectangle').start
 # more
 JUMP = 0.02
 SLOW = 1e-3  # [rad/s] of an arm at rest
-LATE = 500_000_000  # [ns] after which a node has noticed what another one has published
 PATIENCE = 60.0  # [s] for what must happen, where a process may take 20 s to start
 
 _clients: WeakKeyDictionary[Node, GraphClient] = WeakKeyDictionary()
@@ -165,17 +160,6 @@ class Observer(Node):
             SetParametersAtomically, 'controller/set_parameters_atomically'
         )
         everything = QoSProfile(depth=50_000)
-        latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        # Knows when messages were published: one may be received before older ones of other topics.
-        self._sampler = Sampler(self)
-        self._sampled: dict[str, list[Sample]] = {}
-        for topic, kind, quality in (
-            ('joint_command', JointState, everything),
-            (SESSION, String, latched),
-            (MODE, String, latched),
-        ):
-            self._sampler.add(topic, kind, quality)
-            self._sampled[topic] = []
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
         self.create_subscription(String, SESSION, self._on_session, LATCHED)
@@ -235,9 +219,7 @@ class Observer(Node):
         return self.await_command_mode(called)
 
     def assert_all_was_well(self) -> None:
-        """Everything finite, no joint faster than its limit; neither the arm nor its
-        reference jumps.
-        """
+        """The arm does not jump; references are judged in virtual time."""
         assert self.states and self.commands
         limits = JointLimits.of(find_arm('lwr4_paper'))
         for (before, q_before), (after, q_after) in pairwise(
@@ -247,39 +229,6 @@ class Observer(Node):
             assert (step <= limits.velocity * (after - before) / 1e9 + JUMP).all(), (
                 f'{step} rad from {before} to {after} ns'
             )
-        self._judge_references(limits).assert_followable()
-
-    def _judge_references(self, limits: JointLimits) -> ReferenceJudge:
-        """Judge what was published, as far as it is known which mode it was published in."""
-        stamps = sorted({stamp for stamp, _, _ in self.commands})
-        period = float(np.median(np.diff(stamps))) / 1e9
-        judge = ReferenceJudge(limits, period, 'extrapolate', complete=False)
-        measured = dict(self.states)
-        self._sample()
-        published = {
-            stamp_of(sample.data): sample.sent for sample in self._sampled['joint_command']
-        }
-        all_modes = _words(self._sampled[MODE])
-        sessions = _words(self._sampled[SESSION])
-        for stamp, q_ref, _ in sorted(self.commands, key=itemgetter(0)):
-            if stamp in measured:
-                judge.enter_state(stamp, measured[stamp])
-            at = published.get(stamp, 0)
-            modes = _around(at, all_modes)
-            mirrors = 'mirroring' in modes or _around(at, sessions) != {'CMD'}
-            mode = next(iter(modes)) if len(modes) == 1 else ''
-            judge.mode = 'mirroring' if mirrors else mode
-            judge.enter_reference(stamp, q_ref)
-        return judge
-
-    def _sample(self) -> None:
-        for topic, samples in self._sampled.items():
-            samples += self._sampler.take(topic)
-
-    def destroy_node(self) -> None:
-        """Release this node, and that of the samples."""
-        self._sampler.close()
-        super().destroy_node()
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
@@ -301,18 +250,6 @@ class Observer(Node):
         for value in message.status[0].values:
             if value.key == 'references changed by the safety filter':
                 self.filter_counts.append(int(value.value))
-
-
-def _words(samples: list[Sample]) -> list[tuple[int, str]]:
-    """When words were published [ns], and the words."""
-    return [(sample.sent, deserialised(sample.data, String).data) for sample in samples]
-
-
-def _around(at: int, words: list[tuple[int, str]]) -> set[str]:
-    """Words that may have held when a command was published [ns], which may not know the newest."""
-    before = [word for sent, word in words if sent <= at - LATE][-1:]
-    near = [word for sent, word in words if abs(sent - at) <= LATE]
-    return {*before, *near}
 
 
 def speed(before: State, now: State) -> float:

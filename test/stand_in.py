@@ -154,7 +154,6 @@ class StandIn:
         habits: Habits | None = None,
     ) -> None:
         self.q = q  # where the arm is, (n,) [rad]
-        self.blocked: list[int] = []  # joints that do not move, by index
         self.commands = 0
         self.complaints: list[str] = []
         self.way = [q]  # the commands that were written
@@ -258,9 +257,7 @@ class StandIn:
             self.hardware.enter_reference(round(1e9 * self._cycle * self._period), self._written)
             self._is_new = False
         share = 1.0 if not self._habits.servo else 1.0 - np.exp(-self._period / self._habits.servo)
-        q = self.q + share * (self._written - self.q)
-        q[self.blocked] = self.q[self.blocked]
-        self.q = q
+        self.q = self.q + share * (self._written - self.q)
 
     def _update(self) -> None:
         """The state is published before commands are taken up, as the broadcaster comes first."""

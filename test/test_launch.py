@@ -89,6 +89,7 @@ def test_by_default_the_fake_arm_its_controller_the_planner_and_the_frames_are_s
     nodes = started(launch_file)
     assert nodes.keys() == OURS | {'robot_state_publisher'}
     for name in OURS:
+        assert nodes[name].on_exit.reason == f'{name} ended'  # and so do the others
         file, values = nodes[name].parameters
         assert file == str(share_path('config/redres.yaml'))
         assert values == {}  # what the file says is not hidden
@@ -103,10 +104,15 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
         limit_scale='0.2',
         rate='250',
         namespace='left',
+        task='table',
+        autostart='true',
+        initial_state='inactive',
+        log_level='debug',
     )
-    shared = {'robot': 'fr3', 'rate': 250.0}
+    shared = {'robot': 'fr3', 'rate': 250.0, 'initial_state': 'inactive'}
     assert nodes['sim'].parameters[1] == shared
-    assert nodes['planner'].parameters[1] == shared
+    assert nodes['planner'].parameters[1] == {**shared, 'task': 'table', 'autostart': True}
+    assert all(nodes[name].ros_arguments == ['--log-level', 'debug'] for name in OURS)
     own = {'law': 'minimum_velocity', 'limits': 'none', 'limit_scale': 0.2}
     assert nodes['controller'].parameters[1] == {**shared, **own}
     assert {node.namespace for node in nodes.values()} == {'left'}
@@ -118,6 +124,9 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
     nodes = started(launch_file, robot='fr3', sim='false', planner='false', rviz='true')
     assert nodes.keys() == {'controller', 'rviz2'}  # the driver publishes the frames
     assert started(launch_file, robot='topic', sim='false').keys() == {'controller', 'planner'}
+    nodes = started(launch_file, params_file='franka_fr3')
+    assert nodes.keys() == {'controller', 'planner'}
+    assert nodes['controller'].parameters[0] == str(share_path('config/robots/franka_fr3.yaml'))
 
 
 @pytest.mark.parametrize(
@@ -167,16 +176,6 @@ def test_a_file_that_sets_nothing_for_nodes_is_refused(launch_file, tmp_path):
         started(launch_file, params_file=str(file))
 
 
-def test_task_start_life_cycle_and_log_level_go_to_the_nodes_that_have_them(launch_file):
-    nodes = started(
-        launch_file, task='table', autostart='true', initial_state='inactive', log_level='debug'
-    )
-    shared = {'initial_state': 'inactive'}
-    assert nodes['planner'].parameters[1] == {**shared, 'task': 'table', 'autostart': True}
-    assert nodes['controller'].parameters[1] == shared
-    assert all(nodes[name].ros_arguments == ['--log-level', 'debug'] for name in OURS)
-
-
 def test_composed_is_one_process_whose_nodes_keep_their_names(launch_file):
     nodes = started(launch_file, composed='true', law='minimum_velocity', task='table')
     assert nodes.keys() == {'composed', 'robot_state_publisher'}
@@ -203,12 +202,6 @@ def test_states_of_another_topic_reach_all_that_listen_to_them(launch_file):
         assert ('joint_states', 'franka/joint_states') in node.remappings
 
 
-def test_a_file_for_a_robot_is_found_by_its_name_and_starts_no_fake_arm(launch_file):
-    nodes = started(launch_file, params_file='franka_fr3')
-    assert nodes.keys() == {'controller', 'planner'}
-    assert nodes['controller'].parameters[0] == str(share_path('config/robots/franka_fr3.yaml'))
-
-
 def test_rviz_looks_from_the_root_link_of_any_arm(launch_file, tmp_path):
     assert started(launch_file, rviz='true')['rviz2'].arguments[-2:] == ['-f', 'world']
     urdf = tmp_path / 'mine.urdf'
@@ -230,11 +223,6 @@ def test_frames_of_a_robot_in_a_namespace_are_apart_from_those_of_another(launch
     alone = started(launch_file, rviz='true')
     assert alone['rviz2'].remappings == []
     assert not set(apart) & set(alone['robot_state_publisher'].remappings)
-
-
-def test_when_one_node_ends_so_do_the_others(launch_file):
-    nodes = started(launch_file)
-    assert all(nodes[name].on_exit.reason == f'{name} ended' for name in OURS)
 
 
 def test_rviz_shows_topics_that_the_nodes_publish() -> None:

@@ -1,4 +1,4 @@
-"""What RViz gets to show."""
+"""What onlookers get, and that it costs nothing while nobody looks."""
 
 from types import SimpleNamespace
 
@@ -7,10 +7,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.limits.scene import touched
 from redres_ros.nodes.markers import show_obstacles, show_traces
+from redres_ros.nodes.topics import Telemetry
 
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])
 
@@ -96,3 +98,14 @@ def test_the_surface_that_the_tip_can_touch_is_shown(shape: str, kind: int, up: 
     assert (surface.type, surface.ns, surface.pose.position.x) == (kind, 'contact', 0.4)
     turn = surface.pose.orientation
     assert 1.0 - 2.0 * (turn.x**2 + turn.y**2) == pytest.approx(up)  # z of its normal
+
+
+def test_a_value_is_made_only_while_its_topic_has_a_subscriber() -> None:
+    node = Listened()
+    node.listeners = 0
+    telemetry = Telemetry(node, {'speaker/loudness': Float64})
+    telemetry.publish('loudness', lambda: pytest.fail('it was'))
+    node.listeners = 1
+    node.look()
+    telemetry.publish('loudness', lambda: 0.5)
+    assert node.sent == [Float64(data=0.5)]
