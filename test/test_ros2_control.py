@@ -177,21 +177,17 @@ def disturb(now: Scene, fault: str) -> None:
         now.robot.fail_read()
         now.advance(1.0)
         now.robot.recover()
-    elif fault == 'twice':
+    else:
         for _ in range(2):
             now.robot.deactivate()
             now.advance(0.2)
             now.robot.activate()
             now.advance(0.03)
-    else:
-        now.robot.overrun(float(fault))
-        now.advance(1.0)
-        assert now.speed > 0.01
 
 
 @SOURCES
 @pytest.mark.parametrize('rate', by_day(1, RATES))
-@pytest.mark.parametrize('fault', by_day(3, ['wrong length', 'read error', 'twice', '0.3', '0.02']))
+@pytest.mark.parametrize('fault', by_day(2, ['wrong length', 'read error', 'twice']))
 def test_what_is_published_stays_within_the_limits_whatever_ros2_control_does(
     fault: str, rate: float, move: Move, tmp_path: Path
 ) -> None:
@@ -217,6 +213,20 @@ def test_a_broadcaster_with_habits_of_its_own_gets_no_step(
         now.advance(1.5)
         assert np.abs(now.robot.q - ARM.start).max() > 0.01
         now.assert_well()
+
+
+@pytest.mark.parametrize(('rate', 'seconds'), by_day(3, product(RATES, [0.005, 0.02, 0.3])))
+def test_after_an_overrun_and_a_burst_of_states_the_arm_moves_on(
+    seconds: float, rate: float, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(1.0)
+        now.robot.overrun(seconds)
+        now.advance(1.0)
+        assert now.speed > 0.01
+        # The hardware stops by itself: what it had not yet executed by then is its own step.
+        now.published.assert_followable()
 
 
 def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
-    from_twist,
+    stacked,
     to_base,
     to_joint_state,
     to_nanoseconds,
@@ -53,7 +53,7 @@ _REPEAT = 5.0  # [s] after which a warning is logged again
 
 
 @dataclass(frozen=True)
-class ControllerParameters(ListenerParameters):
+class _ControllerParameters(ListenerParameters):
     """The node's own parameters; those of arm, motion and timing are declared with these."""
 
     switch_time: float = param(
@@ -87,7 +87,7 @@ class ControllerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('controller')
         robot, arm = declare_robot(self)
-        settings = declare(self, ControllerParameters())
+        settings = declare(self, _ControllerParameters())
         load_plugins(named(settings.plugins))
         model = RobotModel(arm)
         T = 1.0 / settings.rate
@@ -163,7 +163,7 @@ class ControllerNode(ManagedNode):
 
     def _enter_twist(self, message: TwistStamped) -> Response | None:
         stamp = to_nanoseconds(message.header.stamp)
-        dx = from_twist(message)
+        dx = stacked(message.twist.linear, message.twist.angular)
         check_finite(dx, 'cartesian_velocity')
         frame = message.header.frame_id
         if self._loop.q is not None and frame not in self._base_frames:

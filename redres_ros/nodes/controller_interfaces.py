@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
-from redres_ros.nodes.conversions import JointMapper, from_wrench, to_nanoseconds
+from redres_ros.nodes.conversions import JointMapper, stacked, to_nanoseconds
 from redres_ros.nodes.diagnostics import Diagnostics
 from redres_ros.nodes.parameters import declare, with_changes
 from redres_ros.nodes.topics import NEWEST, PUBLISH, STEADY
@@ -101,16 +101,17 @@ class Sensors:
             return
         self._subscribed.add(topic)
 
-        def receive(message: Any) -> None:
-            with self._inputs.judging(topic):
-                enter(message)
-
+        receive = partial(self._receive, topic, enter)
         self._node.create_subscription(kind, topic, receive, NEWEST)
+
+    def _receive(self, topic: str, enter: Callable[[Any], None], message: Any) -> None:
+        with self._inputs.judging(topic):
+            enter(message)
 
     def _enter_wrench(self, message: WrenchStamped) -> None:
         stamp = to_nanoseconds(message.header.stamp)
         frame = message.header.frame_id
-        wrench = from_wrench(message.wrench)
+        wrench = stacked(message.wrench.force, message.wrench.torque)
         self._loop.measurements.enter_wrench(stamp, wrench, frame, time.time_ns())
 
     def _enter_torques(self, message: JointState) -> None:

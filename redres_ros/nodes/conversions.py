@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TwistStamped, Wrench
+from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
@@ -65,18 +65,9 @@ def to_twist(stamp: Nanoseconds, frame: str, dx: TaskVelocity) -> TwistStamped:
     return message
 
 
-def from_twist(message: TwistStamped) -> Twist:
-    """The velocity in a message."""
-    linear = message.twist.linear
-    angular = message.twist.angular
+def stacked(linear: Vector3, angular: Vector3) -> Twist:
+    """Both vectors of a twist, or force and torque of a wrench, (6,)."""
     return np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-
-
-def from_wrench(message: Wrench) -> Twist:
-    """Force and moment in a message, (6,)."""
-    force = message.force
-    torque = message.torque
-    return np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
 
 
 def deserialised(data: bytes, kind: Any) -> Any:

@@ -1,5 +1,7 @@
 """The life cycle of ROS 2: its states, by its standard services."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -8,6 +10,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from redres_ros.errors import RedresError
 from redres_ros.nodes.parameters import check_given, declare_one
 from redres_ros.parameter import Parameter
+
+_Respond = Callable[[Any, Any], Any]
 
 _DONE = TransitionCallbackReturn.SUCCESS
 _INITIAL_STATE = Parameter(
@@ -39,7 +43,8 @@ class ManagedNode(LifecycleNode):
 
     def _start_life(self) -> None:
         """Go to the state in which the node is to start."""
-        self._refuse_impossible_transitions()
+        service = self._service_change_state
+        service.callback = partial(self._change, service.callback)
         wanted = declare_one(self, 'initial_state', 'active', _INITIAL_STATE)
         if wanted != 'unconfigured':
             self.trigger_configure()
@@ -93,16 +98,10 @@ class ManagedNode(LifecycleNode):
         """Never act again; a motion decelerates to rest, as in on_deactivate."""
         return self.on_deactivate(state) if state.label == 'active' else _DONE
 
-    def _refuse_impossible_transitions(self) -> None:
+    def _change(self, respond: _Respond, request: Any, response: Any) -> Any:
         """Reject a transition that the state does not allow; rclpy 7.1 would end the node."""
-        service = self._service_change_state
-        change_state = service.callback
-
-        def respond(request: Any, response: Any) -> Any:
-            try:
-                return change_state(request, response)
-            except rclpy_implementation.RCLError:
-                response.success = False
-                return response
-
-        service.callback = respond
+        try:
+            return respond(request, response)
+        except rclpy_implementation.RCLError:
+            response.success = False
+            return response

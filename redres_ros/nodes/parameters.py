@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -94,15 +95,7 @@ def on_live_change(
 
     Both functions get the changed values by name, tuples for arrays.
     """
-
-    def before(changed: list[RosParameter]) -> SetParametersResult:
-        try:
-            check(_values(changed))
-        except RedresError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(before)
+    node.add_on_set_parameters_callback(partial(_judged, check))
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
 
 
@@ -125,13 +118,11 @@ def check_given(node: Node) -> None:
     for instead, names in yaml.safe_load(_GONE.read_text(encoding='utf-8')).items():
         for name in node._parameter_overrides.keys() & names.split():
             raise ParameterError(f'{name} is no parameter any more: {instead}')
-
-    def convert(given: RosParameter) -> RosParameter:
-        if node.has_parameter(given.name):
-            return _as_type(given, node.get_parameter(given.name).type_)
-        return given
-
-    node.add_pre_set_parameters_callback(lambda changed: [convert(each) for each in changed])
+    node.add_pre_set_parameters_callback(
+        lambda changed: [
+            _as_type(each, node.get_parameter_or(each.name, each).type_) for each in changed
+        ]
+    )
 
 
 def warn_of_misspelt(nodes: Sequence[Node]) -> None:
@@ -149,6 +140,16 @@ def warn_of_misspelt(nodes: Sequence[Node]) -> None:
     ]
     if meant:
         nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
+
+
+def _judged(
+    check: Callable[[dict[str, Any]], None], changed: Iterable[RosParameter]
+) -> SetParametersResult:
+    try:
+        check(_values(changed))
+    except RedresError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
 
 
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:
