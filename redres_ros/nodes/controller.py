@@ -257,8 +257,6 @@ class ControllerNode(ManagedNode):
         if policy != before:
             self._controller.set_policy(policy)
         self._sensors.apply(changes, policy.measurements)
-        if self._policy.problem:
-            self.get_logger().warning(self._policy.problem, once=True)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
         self._loop.input.settings = with_changes(self._loop.input.settings, changes)

@@ -172,11 +172,7 @@ class PlannerNode(ManagedNode):
         self._run.monitor.set_active_limits(one_line(message.data))
 
     def _on_stop_reason(self, message: String) -> None:
-        reason = one_line(message.data)
-        is_news = reason and not self._run.stop_reason
-        self._run.set_stop_reason(reason)
-        if is_news and self._run.state in UNDER_WAY:
-            self.get_logger().warning(f'the robot has stopped, the task waits: {reason}')
+        self._run.set_stop_reason(one_line(message.data))
         self._publish_state()
 
     # --- goals ------------------------------------------------------------------------------------
@@ -192,10 +188,9 @@ class PlannerNode(ManagedNode):
             self._begin_goal(self._goals.target(x, R, q))
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        message = 'nothing is running'
-        if self._run.state in UNDER_WAY:
-            message = 'the arm comes to rest; planner/start begins the task again'
+        was_running = self._run.state in UNDER_WAY
         self._end()
+        message = 'the arm comes to rest' if was_running else 'nothing is running'
         return Trigger.Response(success=True, message=message)
 
     def _respond(self, service: str, begin: _Begin, *_: object) -> Trigger.Response:
