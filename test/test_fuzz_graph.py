@@ -53,8 +53,7 @@ class Thrower:
             'session_state': lambda: self._publish('sim/session_state', self._word()),
             'stop_reason': lambda: self._publish('sim/stop_reason', self._word()),
             'task_scaling': lambda: self._publish('controller/task_scaling', self._number()),
-            'good parameters': lambda: self._set('controller', *self._good()),
-            'bad parameters': self._set_badly,
+            'parameters': self._set,
             'service': self._call,
         }
 
@@ -115,7 +114,7 @@ class Thrower:
     def _number(self) -> Float64:
         return Float64(data=float(self._chance.choice((*ODD, 1.0, 0.5, -1.0))))
 
-    def _good(self) -> list[Parameter]:
+    def _set(self) -> None:
         gains = {
             'law': str(self._chance.choice(list(LAWS))),
             'damping': float(self._chance.uniform(0.0, RATE)),
@@ -128,19 +127,8 @@ class Thrower:
             'command_timeout': float(self._chance.uniform(0.01, 1.0)),
         }
         names = self._chance.choice(list(gains), 3, replace=False)
-        return [Parameter(str(name), value=gains[str(name)]) for name in names]
-
-    def _set_badly(self) -> None:
-        node = str(self._chance.choice(('controller', 'planner', 'sim')))
-        known = sorted(self._run.nodes[node]._parameters)
-        name = str(self._chance.choice([known_name for known_name in known if known_name in BAD]))
-        before = self._run.nodes[node].get_parameter(name).value
-        result = self._set(node, Parameter(name, value=BAD[name]))
-        assert not result.successful and result.reason
-        assert self._run.nodes[node].get_parameter(name).value == before
-
-    def _set(self, node: str, *changes: Parameter) -> Any:
-        return self._run.nodes[node].set_parameters_atomically(list(changes))
+        changes = [Parameter(str(name), value=gains[str(name)]) for name in names]
+        self._run.nodes['controller'].set_parameters_atomically(changes)
 
     def _call(self) -> None:
         name = str(self._chance.choice(('planner/start', 'planner/stop', 'sim/reset', 'hold')))
@@ -148,18 +136,6 @@ class Thrower:
             self._run.graph.call('controller/hold', data=bool(self._chance.random() < 0.2))
         else:
             self._run.graph.call(name)
-
-
-BAD: dict[str, Any] = {
-    'law': 'fastest',
-    'damping': float('nan'),
-    'limits': ['speed'],
-    'limit_scale': 2.0,
-    'secondary_tasks': ['axis@nose'],
-    'rate': 10.0,
-    'state_loss': -1.0,
-    'push_link': 'nose',
-}
 
 
 class Observer:
