@@ -52,7 +52,6 @@ class ReferenceJudge:
         limits: Of the arm, n joints.
         period: The robot's cycle T [s].
         bridging: What the robot does in a cycle without a reference: 'hold' or 'extrapolate'.
-        dynamic: Whether velocity and acceleration are judged; not with `limits: none`.
         complete: Whether every reference is seen. Else the first one, which may be of a moving
             arm, and those after a gap are judged by range and mean velocity alone.
     """
@@ -63,7 +62,6 @@ class ReferenceJudge:
         period: float,
         bridging: str,
         *,
-        dynamic: bool = True,
         complete: bool = True,
     ) -> None:
         self.violations: list[Violation] = []
@@ -76,7 +74,6 @@ class ReferenceJudge:
         self._limits = limits
         self._period = period
         self._holds = bridging == 'hold'
-        self._dynamic = dynamic
         self._complete = complete
         self._v_is_known = True
         self._step = limits.velocity * period  # (n,) [rad], V T
@@ -210,9 +207,8 @@ class ReferenceJudge:
         outside[self._overshoots & brakes] = 0.0
         self._judge_excess('range', stamp, cycles, outside)
         self._overshoots &= self._must_leave(r, step)
-        if self._dynamic:
-            self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
-        if self._dynamic and self._v_is_known:
+        self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
+        if self._v_is_known:
             change = np.maximum(step - fast, slow - step) - self._change
             self._judge_excess('acceleration', stamp, cycles, change)
         self._v_T = step
@@ -278,11 +274,9 @@ class ReferenceJudge:
         self.violations.append(Violation(stamp, self.mode, rule, joint, excess, cycles))
 
 
-def judge_graph(
-    graph: Graph, limits: JointLimits, rate: float, bridging: str, *, dynamic: bool = True
-) -> ReferenceJudge:
+def judge_graph(graph: Graph, limits: JointLimits, rate: float, bridging: str) -> ReferenceJudge:
     """A judge of what is published in a graph from now on."""
-    judge = ReferenceJudge(limits, 1.0 / rate, bridging, dynamic=dynamic)
+    judge = ReferenceJudge(limits, 1.0 / rate, bridging)
 
     def in_order(message: JointState) -> np.ndarray:
         positions = dict(zip(message.name, message.position, strict=False))

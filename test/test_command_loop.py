@@ -25,6 +25,7 @@ EPOCH = 1_700_000_000 * 10**9  # [ns]
 START = load_task('rectangle').start
 MOST_CALLS = 35  # of Python, from a state to its command
 MOST_FILES = 12
+BLOCKED = START[0]
 GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
 
 
@@ -389,44 +390,34 @@ def test_of_two_responses_in_one_cycle_of_a_robot_that_holds_the_first_does_not_
     np.testing.assert_allclose(response.command.q_ref, base + T * response.command.dq, atol=1e-15)
 
 
-def test_a_single_state_to_which_no_arm_can_have_leapt_changes_nothing() -> None:
+def test_a_single_state_to_which_no_arm_can_have_leapt_stops_nothing() -> None:
     robot = limited()
-    other = limited()
     robot.follow(500)
-    other.follow(500)
-    good = robot.q
-    robot.q = good + 0.2
-    robot.ask()
-    robot.steer(velocity(robot.cycle))
-    other.follow(1)
+    robot.q = robot.q + 0.2
     robot.follow(50)
-    other.follow(50)
-    np.testing.assert_array_equal(robot.references, other.references)
-
-
-def test_states_that_leap_to_and_fro_stop_the_arm_within_its_limits() -> None:
-    robot = limited()
-    robot.follow(500)
-    good = robot.q
-    for side in (1.0, -1.0) * 200:
-        robot.q = good + side
-        robot.ask()
-        robot.steer(velocity(robot.cycle))
-    assert robot.following.mode is Mode.HOLDING
-    assert 'does another robot publish joint_states' in robot.following.error
+    assert robot.following.mode is Mode.MOVING
     assert_gentle(robot)
 
 
-def test_a_joint_that_is_blocked_stops_the_others_within_their_limits() -> None:
+@pytest.mark.parametrize(
+    ('disturb', 'words'),
+    [
+        (lambda q, k: q + (-1.0) ** k, 'does another robot publish joint_states'),
+        (lambda q, k: np.array((BLOCKED, *q[1:])), 'does not follow: lwr_a1_joint'),
+    ],
+    ids=['states leap to and fro', 'a joint is blocked'],
+)
+def test_an_arm_that_does_not_follow_stops_within_its_limits(
+    disturb: Callable[[np.ndarray, int], np.ndarray], words: str
+) -> None:
     robot = limited()
     robot.follow(500)
-    blocked = robot.q[0]
-    for _ in range(1500):
+    for k in range(1500):
+        robot.q = disturb(robot.q, k)
         robot.ask()
         robot.steer(velocity(robot.cycle))
-        robot.q = np.array((blocked, *robot.q[1:]))
-    assert 'does not follow: lwr_a1_joint' in robot.following.error
     assert robot.following.mode is Mode.HOLDING
+    assert words in robot.following.error
     assert_gentle(robot)
 
 
@@ -677,16 +668,6 @@ def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() ->
         robot.cycle += 1
         response = robot.following.step(robot.stamp - 20 * 10**9 + NS, robot.q, robot.now + 0.1)
         assert response is not None and response.scaling == expected
-
-
-def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
-    robot = at_speed()
-    robot.following.hold(True)
-    for _ in range(3):
-        response = robot.ask()
-        robot.steer(velocity(robot.cycle))
-    assert speed(response) == 0.0
-    assert response is not None and response.scaling == 0.0
 
 
 def test_a_reader_follows_a_state_to_its_command_in_few_calls() -> None:

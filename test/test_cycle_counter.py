@@ -126,6 +126,14 @@ def test_states_that_two_nodes_publish_are_reported_as_such(apart: int) -> None:
         assert k < 120 or 'two nodes publish the joints of this arm' in cycles.rate_error
 
 
+def test_states_that_get_lost_do_not_look_like_another_rate() -> None:
+    cycles = CycleCounter(T)
+    random = np.random.default_rng(4)
+    for k in np.flatnonzero(random.random(2000) > 0.3).tolist():
+        cycles.enter(EPOCH + k * T, k * 0.002)
+        assert cycles.rate_error == ''
+
+
 def test_a_stamp_is_of_the_cycle_whose_state_has_it_or_of_the_nearest() -> None:
     cycles = CycleCounter(T)
     random = np.random.default_rng(2)

@@ -22,7 +22,6 @@ from lifecycle_msgs.msg import Transition
 from reference_judge import ReferenceJudge, judge_graph
 from stand_in import Habits, StandIn, behind_ros2_control
 from virtual_graph import IDEAL, Fault, Graph, VirtualRun, virtual_run
-from wire_faults import lossy, off
 
 from redres_ros.files.installation import share_path
 from redres_ros.nodes.conversions import to_twist
@@ -229,29 +228,7 @@ def test_a_robot_of_another_rate_keeps_its_limits_and_is_an_error_that_names_bot
         arm.judge.assert_followable()
 
 
-def test_with_three_states_of_ten_lost_the_arm_moves_within_its_limits() -> None:
-    with commanded(NEAR_THE_END) as arm:
-        arm.graph.faults['joint_states', 'controller'] = lossy(0.3)
-        before = arm.reference
-        turn_to_the_end(arm, 2.0)
-        arm.judge.assert_followable()
-        assert np.abs(arm.reference - before).max() > 0.05
-        assert not [line for _, line in arm.graph.log if 'expected 500 Hz' in line]
-
-
 # --- nothing begins anew by a step ----------------------------------------------------------------
-
-
-@pytest.mark.parametrize('pause', by_day(2, [0.0, 0.004, 0.01, 0.03, 0.1]))
-def test_deactivated_and_activated_in_motion_the_reference_makes_no_step(pause: float) -> None:
-    with commanded() as arm:
-        arm.go(SIDEWAYS, 1.0)
-        assert arm.speed > 0.05
-        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
-        arm.run.run(pause)
-        arm.run.change_state('controller', Transition.TRANSITION_ACTIVATE)
-        arm.run.run(1.0)
-        arm.judge.assert_followable()
 
 
 IIWA = JointLimits.of(find_arm('iiwa7'))
@@ -282,28 +259,6 @@ def test_one_state_that_is_off_does_not_step_a_reference_from_the_measurement(ra
         arm.graph.faults.clear()
         arm.run.run(0.5)
         arm.judge.assert_followable()
-
-
-@pytest.mark.parametrize('gap', by_day(2, [0.02, 0.1, 0.5, 2.0]))
-def test_a_driver_of_one_turn_and_a_gap_make_no_step_of_a_turn(gap: float) -> None:
-    gen3 = find_arm('gen3')
-    model = RobotModel(gen3)
-    start = np.array(gen3.start)
-    start[0] = 3.0
-    arguments = ['robot:=gen3', f'rate:={RATE}', 'robot_interface:=ros2_control']
-    with behind_ros2_control(arguments) as graph:
-        robot = StandIn(graph, JointLimits.of(gen3), start, RATE, habits=Habits(one_turn=True))
-        operator = Operator(graph)
-        graph.clock.advance(0.2)
-        around = model.state(start, np.zeros(7)).jacobian(gen3.tip_frame)[:3, 0]
-        operator.velocity = 0.3 * around / np.linalg.norm(around)
-        graph.clock.advance(2.0)
-        assert robot.q[0] > 3.2  # it has passed half a turn, where its driver begins anew
-        graph.faults['joint_states', 'controller'] = off()
-        graph.clock.advance(gap)
-        graph.faults.clear()
-        graph.clock.advance(1.0)
-        robot.hardware.assert_followable()
 
 
 # --- the operator's word --------------------------------------------------------------------------

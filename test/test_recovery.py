@@ -3,8 +3,7 @@ back.
 
 Real nodes over real DDS. At 100 Hz, and the robot's clock stands still for a late command, so that
 what is tested is the fault and not the machine. Times of recovery are those of that clock. What a
-robot does that waits for nobody is tested in virtual time (test_fault_matrix.py). With
-REDRES_NIGHTLY=1 the long ones take as long as they should.
+robot does that waits for nobody is tested in virtual time (test_fault_matrix.py).
 """
 
 import os
@@ -28,8 +27,6 @@ from graph_helpers import (
     log_lines,
     set_parameters,
 )
-from nightly import NIGHTLY
-from std_msgs.msg import String
 
 from redres_ros import load_task
 from redres_ros.demo.processes import NodeProcess
@@ -205,27 +202,6 @@ class TestStopped:
         await_going_on(observer)
 
 
-# --- users that misbehave -------------------------------------------------------------------------
-
-GENTLE = (
-    'minimum_velocity',
-    'minimum_acceleration',
-    'minimum_kinetic_energy',
-)  # those that do not let the arm sag
-BAD = (
-    {'law': 'none'},
-    {'damping': -1.0},
-    {'damping': float('nan')},
-    {'damping': 1e9},
-    {'law': 3},
-    {'damping': 'x'},
-    {'switch_time': -0.1},
-    {'rate': 10.0},
-    {'no_such': 1},
-    {'law': 'minimum_velocity', 'damping': float('inf')},
-)
-
-
 # --- what the robot tolerates ---------------------------------------------------------------------
 
 
@@ -250,30 +226,3 @@ class TestUndisturbed:
         undisturbed.processes['planner'] = undisturbed.start('planner')
         await_going_on(observer)
         undisturbed.assert_undisturbed()
-
-    def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
-        self, undisturbed: Graph
-    ) -> None:
-        observer = undisturbed.observer
-        random = np.random.default_rng(0)
-        refused = 0
-        sets = 10_000 if NIGHTLY else 300
-        for _ in range(sets):
-            if random.random() < 0.5:
-                good = {
-                    'law': GENTLE[random.integers(len(GENTLE))],
-                    'damping': float(random.uniform(5.0, 20.0)),
-                    'switch_time': float(random.uniform(0.2, 1.0)),
-                    'command_timeout': float(random.uniform(0.2, 1.0)),
-                }
-                assert observer.set_controller(**good).successful
-            else:
-                refused += 1
-                result = observer.set_controller(**BAD[random.integers(len(BAD))])
-                assert not result.successful and result.reason
-        assert 0.4 * sets < refused < 0.6 * sets
-        undisturbed.assert_undisturbed()
-        laws: list = []
-        observer.create_subscription(String, 'controller/law', laws.append, 1)
-        await_that(lambda: bool(laws), 'the law')
-        assert laws[-1].data == good['law']

@@ -21,8 +21,8 @@ BOTH = pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
 class Publisher:
     """Publishes references of joint a, one a cycle."""
 
-    def __init__(self, bridging: str, *, complete: bool = True) -> None:
-        self.judge = ReferenceJudge(LIMITS, T, bridging, complete=complete)
+    def __init__(self, bridging: str) -> None:
+        self.judge = ReferenceJudge(LIMITS, T, bridging)
         self.cycle = 100
         self.q = 0.0  # [rad]
 

@@ -180,19 +180,6 @@ def test_a_bad_task_velocity_does_not_move_the_arm_and_is_reported_once(
     assert all(word in refusal for word in words), refusal
 
 
-def test_joints_in_another_order_and_among_others_are_found_by_name(resting: VirtualRun) -> None:
-    def shuffle(message: JointState) -> None:
-        message.name = [*message.name[::-1], 'finger']
-        message.position = array('d', [*message.position[::-1], 0.5])
-
-    q = resting.nodes['sim']._robot.reference
-    resting.graph.faults['joint_states', 'controller'] = changed(shuffle)
-    resting.run(0.5)
-    assert resting.commanding
-    assert (resting.nodes['sim']._robot.reference == q).all()
-    assert any('ignoring finger' in line for _, line in resting.graph.log)
-
-
 def test_without_a_clock_to_take_the_time_from_a_node_watches_on() -> None:
     with virtual_run(controller={'use_sim_time': True}) as run:
         run.graph.kept['/diagnostics'] = []
