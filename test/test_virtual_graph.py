@@ -17,7 +17,6 @@ from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import changed, late, off
 
 from redres_ros.nodes.conversions import to_pose, to_twist
-from redres_ros.planning.task_executor import TaskState
 
 pytestmark = pytest.mark.slow
 
@@ -80,22 +79,6 @@ def test_late_task_velocities_hardly_show_without_patience(
     undisturbed: float, fault: Fault
 ) -> None:
     assert peak(accelerations('none', twist=fault)) < 1.3 * undisturbed
-
-
-@pytest.mark.parametrize('missed', by_day(1, [1, 4]))
-def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_nothing_else(
-    undisturbed: float, missed: int
-) -> None:
-    count = 0
-
-    def lost(message: Any, now: float) -> list[tuple[float, Any]]:
-        nonlocal count
-        count += 1
-        return [] if count % 250 < missed else [(0.0, message)]
-
-    # The robot extrapolates, and the next reference lies on that line: only the change of velocity
-    # of the missed cycles and of this one comes at once. A step by the gap would be 100 times that.
-    assert peak(accelerations('none', state=lost)) < 1.1 * (missed + 1) * undisturbed
 
 
 def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
@@ -233,29 +216,6 @@ def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(
     assert 'running already' in resting.graph.call('planner/start').message
     resting.run(0.01)
     assert speed() == pytest.approx(under_way, rel=0.1)
-
-
-@pytest.mark.parametrize(('silence', 'goes_on'), [(1.5, True), (2.5, False)])
-def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
-    resting: VirtualRun, silence: float, goes_on: bool
-) -> None:
-    task = resting.nodes['planner']._run
-    assert resting.graph.call('planner/start').success
-    resting.run(1.0)
-    assert task.state is TaskState.MOVING
-    for listener in ('controller', 'planner'):
-        resting.graph.faults['joint_states', listener] = lambda message, now: []
-    resting.run(silence)
-    resting.graph.faults.clear()
-    resting.graph.call('sim/reset')
-    assert resting.run_until(lambda: resting.commanding, 2.0)
-    resting.run(0.5)
-    assert (task.state is TaskState.MOVING) is goes_on
-    log_lines = [line for node, line in resting.graph.log if 'the task is over' in line]
-    assert len(log_lines) == (not goes_on)
-    assert resting.graph.call('planner/start').success
-    resting.run(0.5)
-    assert task.state is (TaskState.MOVING if goes_on else TaskState.HOMING)
 
 
 def test_a_task_that_was_started_before_the_controller_was_there_begins_without_a_snap(

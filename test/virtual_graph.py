@@ -36,6 +36,7 @@ from redres_ros.nodes.sim import SimNode
 Fault = Callable[[Any, float], list[tuple[float, Any]]]  # message, now [s] -> (delay [s], message)
 
 _BEGINNING = 1_000_000.0  # [s] of the virtual clock
+FROZEN = os.environ.get('REDRES_FROZEN')  # where scripts/frozen has references written
 EPOCH = 1_700_000_000 * 10**9  # [ns] at which it shows 0
 
 
@@ -399,6 +400,8 @@ def virtual_run(
         for name, value in {'rate': rate, 'robot': robot, **given}.items():
             words += ['-p', f'{node}:{name}:={_as_yaml(value)}']
     graph = Graph()
+    if FROZEN:
+        graph.kept['joint_command'] = []
     with on_wires(graph, (SimNode, ControllerNode, PlannerNode), *words) as nodes:
         try:
             yield VirtualRun(graph, nodes)
@@ -426,12 +429,11 @@ def on_wires(graph: Graph, classes: Iterable[type[Node]], *words: str) -> Iterat
 
 
 def _freeze(graph: Graph) -> None:
-    """Write the references that were published where scripts/frozen asks for them."""
-    folder = os.environ.get('REDRES_FROZEN')
-    if folder:
+    """Write the references that were published."""
+    if FROZEN:
         name = re.sub(r'\W+', '_', os.environ['PYTEST_CURRENT_TEST'].partition('::')[2])
-        published = [message.position for _, message in graph.kept.get('joint_command', ())]
-        np.save(f'{folder}/{name}.npy', np.array(published))
+        published = [message.position for _, message in graph.kept['joint_command']]
+        np.save(f'{FROZEN}/{name}.npy', np.array(published))
 
 
 def _as_yaml(value: Any) -> str:

@@ -180,11 +180,6 @@ class CommandLoop:
         if state in COMMANDING and not self.faults.executes:
             self.faults.clear()
 
-    def set_connected(self, connected: bool) -> None:
-        """Whether commands may reach the robot at all; a moving arm is not let go of."""
-        if self.mode not in MOVING_MODES:
-            self._is_connected = connected
-
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
 
@@ -201,8 +196,13 @@ class CommandLoop:
 
     # --- states and task velocities ---------------------------------------------------------------
 
-    def step(self, stamp: Nanoseconds, q: JointPositions, now: Seconds) -> Response | None:
+    def step(
+        self, stamp: Nanoseconds, q: JointPositions, now: Seconds, *, is_connected: bool = True
+    ) -> Response | None:
         """The response to a state; None if it waits for its task velocity, or nothing is published.
+
+        Args:
+            is_connected: Whether commands may reach the robot; a moving arm is not let go of.
 
         Raises:
             ClockError: The stamp is not that of a new cycle.
@@ -210,6 +210,8 @@ class CommandLoop:
         """
         if not np.isfinite(q).all():
             check_finite(q, 'q')
+        if self.mode not in MOVING_MODES:
+            self._is_connected = is_connected
         cycles = self._cycles
         before = cycles.newest
         if self._controller.has_turns:
@@ -406,9 +408,14 @@ class CommandLoop:
         measurements = self.measurements
         takes_commands = self._session in ('', *COMMANDING)
         commandable = takes_commands and self._is_connected and faults.executes
-        has_fault = bool(faults.reason) and not faults.released
-        is_ready = commandable and self._active and not (self._held or has_fault)
-        blocked = not is_ready or bool(self._cycles.rate_error)
+        interlocks = (
+            faults.reason and not faults.released,
+            self._cycles.rate_error,
+            not commandable,
+            self._held,
+            not self._active,
+        )
+        blocked = any(interlocks)
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)

@@ -157,9 +157,9 @@ class ControllerNode(ManagedNode):
 
     def _enter_state(self, message: JointState) -> Response | None:
         q = self._joints.in_order(message, 'position')
-        if self._forwarding:
-            self._loop.set_connected(not self._forwarding.is_pending)
-        return self._loop.step(to_nanoseconds(message.header.stamp), q, time.monotonic())
+        is_connected = self._forwarding is None or not self._forwarding.is_pending
+        stamp = to_nanoseconds(message.header.stamp)
+        return self._loop.step(stamp, q, time.monotonic(), is_connected=is_connected)
 
     def _enter_twist(self, message: TwistStamped) -> Response | None:
         stamp = to_nanoseconds(message.header.stamp)
