@@ -205,7 +205,7 @@ def test_a_scaling_of_zero_for_a_moment_is_no_interruption() -> None:
 def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
     arm = under_way()
     arm.run.mode = 'moving'
-    arm.run.monitor.set_active_limits('lwr_a1_joint: position')
+    arm.run.monitor.active_limits = 'lwr_a1_joint: position'
     arm.go(round(6.0 / T), 0.0)
     assert arm.run.state is TaskState.MOVING
     assert 'no progress for 5 s: lwr_a1_joint: position' in arm.run.remark

@@ -169,7 +169,8 @@ class PlannerNode(ManagedNode):
         self._run.mode = one_line(message.data)
 
     def _on_limits(self, message: String) -> None:
-        self._run.monitor.set_active_limits(one_line(message.data))
+        if message.data:
+            self._run.monitor.active_limits = one_line(message.data)
 
     def _on_stop_reason(self, message: String) -> None:
         self._run.set_stop_reason(one_line(message.data))

@@ -34,11 +34,7 @@ class ProgressMonitor:
         self._segment = -1
         self._left = 0.0
         self._error = 0.0
-        self._limits = ''  # that acted last, in words
-
-    def set_active_limits(self, limits: str) -> None:
-        """Record which joints are at which limits; empty for none."""
-        self._limits = limits or self._limits
+        self.active_limits = ''  # that acted last, in words
 
     def enter(
         self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
@@ -62,7 +58,7 @@ class ProgressMonitor:
         if is_hopeless or (self.idle >= self.stuck_after and not self.remark):
             limit = self.give_up_after if is_hopeless else self.stuck_after
             where = f'{left:.3g} s of its time are left' if left > 0.0 else distance
-            reasons = '; '.join(filter(None, (self._limits, where)))
+            reasons = '; '.join(filter(None, (self.active_limits, where)))
             self.remark = f'no progress for {limit:g} s: {reasons}'
         return is_hopeless
 
@@ -79,7 +75,9 @@ class UnachievedVelocity:
         self._end_of_reach = end_of_reach
         self._policy = Policy(make_law('minimum_velocity'), make_task(task_space))
 
-    def of(self, q: JointPositions, asked: TaskVelocity, idle: Seconds) -> TaskVelocity | None:
+    def __call__(
+        self, q: JointPositions, asked: TaskVelocity, idle: Seconds
+    ) -> TaskVelocity | None:
         """The blocked part, or None; all of it for an arm at the end of its reach that has made no
         progress for a while: there it comes to rest beside the singularity.
         """

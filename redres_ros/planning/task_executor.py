@@ -162,7 +162,7 @@ class TaskExecutor:
         asked = self._step and self._step.dx
         unachieved = None
         if self._unachieved and source and asked is not None and not source.time_left(self.clock.t):
-            unachieved = self._unachieved.of(q, asked, self.monitor.idle)
+            unachieved = self._unachieved(q, asked, self.monitor.idle)
         is_new = not stamp or stamp != self.cycles.newest
         self._seconds = 0.0
         if is_new:

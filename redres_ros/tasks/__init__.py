@@ -87,10 +87,13 @@ class _FrameTask(Task):
     frame: str = ''
 
     def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(self.frame)[self.part]
+        return state.jacobian(self._frame_of(state.model))[self.part]
 
     def derivatives(self, state: RobotState) -> JacobianDerivatives:
-        return state.jacobian_derivatives(self.frame)[:, self.part]
+        return state.jacobian_derivatives(self._frame_of(state.model))[:, self.part]
+
+    def _frame_of(self, model: RobotModel) -> str:
+        return self.frame
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,20 @@ class Position(_FrameTask):
     )
 
     def value(self, state: RobotState) -> np.ndarray:
-        return state.pose(self.frame)[0]
+        return state.pose(self._frame_of(state.model))[0]
+
+
+@dataclass(frozen=True)
+class Elbow(Position):
+    """Where the arm's elbow is: 3 rows [m/s], of which those that it cannot follow are left."""
+
+    qualifier: ClassVar[str] = ''
+    target: tuple[float, ...] = param(
+        (), 'desired position of the elbow in the base frame [m]; none: that of the start'
+    )
+
+    def _frame_of(self, model: RobotModel) -> str:
+        return model.elbow_frame
 
 
 class _TurningTask(_FrameTask):
@@ -205,24 +221,22 @@ class Axis(Task):
         return across.T.dot(turn)
 
 
-@dataclass(frozen=True)
-class Elbow(Task):
-    """Where the arm's elbow is: 3 rows [m/s], of which those that it cannot follow are left."""
+class _JointTask(Task):
+    """Angles of some joints."""
 
-    size: ClassVar[int] = 3
-    target: tuple[float, ...] = param(
-        (), 'desired position of the elbow in the base frame [m]; none: that of the start'
-    )
+    @abstractmethod
+    def _joints(self, model: RobotModel) -> list[int]:
+        """Their indices."""
 
     def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(state.model.elbow_frame)[:3]
+        return np.eye(len(state.q))[self._joints(state.model)]
 
     def value(self, state: RobotState) -> np.ndarray:
-        return state.pose(state.model.elbow_frame)[0]
+        return state.q[self._joints(state.model)]
 
 
 @dataclass(frozen=True)
-class Joint(Task):
+class Joint(_JointTask):
     """The angle of one joint, given as in joint@A3; empty: the first one. 1 row [rad/s]."""
 
     size: ClassVar[int] = 1
@@ -230,24 +244,16 @@ class Joint(Task):
     joint: str = ''
     target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
 
-    def jacobian(self, state: RobotState) -> Jacobian:
-        J = np.zeros((1, len(state.q)))
-        J[0, self._index(state.model)] = 1.0
-        return J
-
-    def value(self, state: RobotState) -> np.ndarray:
-        return state.q[[self._index(state.model)]]
-
-    def _index(self, model: RobotModel) -> int:
+    def _joints(self, model: RobotModel) -> list[int]:
         names = model.joint_names
         name = self.joint or names[0]
         if name not in names:
             raise UnknownNameError('joint', name, names)
-        return names.index(name)
+        return [names.index(name)]
 
 
 @dataclass(frozen=True)
-class Configuration(Task):
+class Configuration(_JointTask):
     """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task.
 
     Below another task it keeps the joints as near to its target as that one lets them, so that a
@@ -260,13 +266,9 @@ class Configuration(Task):
     def rows(self, model: RobotModel) -> int:
         return model.n
 
-    def jacobian(self, state: RobotState) -> Jacobian:
-        n = len(state.q)
-        _check_length('target of configuration', self.target, n)
-        return np.eye(n)
-
-    def value(self, state: RobotState) -> np.ndarray:
-        return state.q
+    def _joints(self, model: RobotModel) -> list[int]:
+        _check_length('target of configuration', self.target, model.n)
+        return list(range(model.n))
 
 
 # A new task is one small class and one line in this table.
