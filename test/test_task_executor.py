@@ -266,20 +266,15 @@ def go_home(arm: Arm) -> None:
     raise AssertionError('not at home')
 
 
-def test_joints_that_are_elsewhere_go_to_the_start_before_the_task_begins() -> None:
-    arm = on_the_way_home()
+@pytest.mark.parametrize('then', [True, False])
+def test_joints_go_to_the_start_and_then_the_task_begins_or_nothing(then: bool) -> None:
+    arm = on_the_way_home(then=then)
     assert arm.run.start_stamp == 0
     go_home(arm)
-    assert arm.run.state is TaskState.MOVING
     assert np.abs(arm.q - TASK.start).max() < 0.01
-
-
-def test_a_motion_home_alone_ends_there_and_asks_for_nothing_more() -> None:
-    arm = on_the_way_home(then=False)
-    go_home(arm)
-    assert arm.run.state is TaskState.FINISHED
-    assert arm.run.progress == 1.0
-    assert arm.tick(1.0) is None
+    assert arm.run.state is (TaskState.MOVING if then else TaskState.FINISHED)
+    assert (arm.run.progress == 1.0) is not then
+    assert (arm.tick(1.0) is None) is not then
 
 
 def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:

@@ -132,26 +132,16 @@ class Bodies(NamedTuple):
                 f'body_radius has {len(radius)} values; expected {number}, '
                 'one for the base and one for each link'
             )
-        base = kinematics.joints[0].before[:3, 3]
-        offsets = (base, *kinematics.offsets)
+        offsets = np.vstack((kinematics.joints[0].before[:3, 3], kinematics.offsets))  # (n + 1, 3)
+        length = np.linalg.norm(offsets, axis=1)
+        thickness = np.array(radius)
+        # the last cap ends at the tip, which may be in contact
+        offsets[-1] *= max(1.0 - radius[-1] / max(length[-1], _SHORTEST), 0.0)
+        chosen = np.flatnonzero((thickness > 0.0) & (length > _SHORTEST))
         links = ('base', *(joint.link for joint in kinematics.joints))
-        chosen = [
-            index
-            for index, offset in enumerate(offsets)
-            if radius[index] > 0.0 and np.linalg.norm(offset) > _SHORTEST
-        ]
         ends = np.zeros((len(chosen), 2, 3))
-        for number, index in enumerate(chosen):
-            ends[number, 1] = offsets[index]
-            if index == kinematics.n:  # the last cap ends at the tip, which may be in contact
-                length = float(np.linalg.norm(offsets[index]))
-                ends[number, 1] *= max(1.0 - radius[index] / length, 0.0)
-        return cls(
-            tuple(links[index] for index in chosen),
-            np.array(chosen, np.int64),
-            ends,
-            np.array([radius[index] for index in chosen]),
-        )
+        ends[:, 1] = offsets[chosen]
+        return cls(tuple(links[index] for index in chosen), chosen, ends, thickness[chosen])
 
     def pairs(self, apart: Meters) -> np.ndarray:
         """The pairs of bodies that may collide, (P, 2) of int64: those whose surfaces the straight
