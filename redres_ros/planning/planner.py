@@ -94,8 +94,9 @@ class Planner:
         if approach > _START_TOLERANCE:
             time = task.segment_time * max(approach / (max(sizes) or approach), 1.0)
         self._times = [time] + [task.segment_time] * task.segments  # [s]
-        self._index = 0 if time else 1  # of the segment; their number when all is finished
+        self._segment = 0 if time else 1
         self._t_segment = 0.0  # [s] at which it began
+        self._finished = False
 
     def reference(
         self,
@@ -118,7 +119,10 @@ class Planner:
             self._turns = np.tile(R, (len(self._points), 1, 1))
         while not self._finished and self._is_over(x, t, R, unachieved):
             self._t_segment = t
-            self._index += 1
+            if self._segment < self._task.segments:
+                self._segment += 1
+            else:
+                self._finished = True
         start = self._segment
         T_AB = self._times[start]
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
@@ -146,17 +150,8 @@ class Planner:
 
     def progress(self, t: Seconds) -> float:
         """The fraction of the nominal duration that is over, before the last point is reached."""
-        elapsed = sum(self._times[: self._index + 1]) - self.time_left(t)
+        elapsed = sum(self._times[: self._segment + 1]) - self.time_left(t)
         return elapsed / sum(self._times)
-
-    @property
-    def _finished(self) -> bool:
-        return self._index == len(self._times)
-
-    @property
-    def _segment(self) -> int:
-        """The number of the segment; the last one when all is finished."""
-        return min(self._index, len(self._times) - 1)
 
     def _is_over(
         self, x: Position, t: Seconds, R: Rotation | None, unachieved: TaskVelocity | None
@@ -164,13 +159,13 @@ class Planner:
         is_early = self.time_left(t) > 0.0
         if (is_early and self._task.switching == 'at_rest') or t <= self._t_segment:
             return False
-        end = self._index + 1
+        end = self._segment + 1
         errors = [self._points[end] - x]
         tolerances = [self._task.tolerance]
         if R is not None and self._turns is not None:
             errors.append(rotation_error(R, self._turns[end]))
             tolerances.append(self._task.orientation_tolerance)
-        is_last = end == len(self._times)
+        is_last = self._segment == self._task.segments
         if unachieved is not None and not is_last and not is_early:
             errors = list(map(self._reachable, errors, np.split(unachieved, len(errors))))
         return all(map(_is_short, errors, tolerances))

@@ -27,7 +27,7 @@ class Task(ABC):
     frozen dataclass whose fields are declared with `param`, its target among them.
     """
 
-    size: ClassVar[int]  # m, the number of rows
+    size: ClassVar[int]  # m, the number of rows; 0: as many as the arm has joints
     target_size: ClassVar[int] = 0  # how many numbers the target has; 0: as many as rows
     components: ClassVar[tuple[int, ...]] = ()  # rows of translation, of rotation; empty: one only
     qualifier: ClassVar[str] = ''  # the field that is given after an @, as in joint@A3
@@ -41,7 +41,7 @@ class Task(ABC):
 
     def rows(self, model: RobotModel) -> int:
         """m, the number of rows for an arm."""
-        return self.size
+        return self.size or model.n
 
     @abstractmethod
     def jacobian(self, state: RobotState) -> Jacobian: ...
@@ -260,11 +260,8 @@ class Configuration(_JointTask):
     closed path of the tip ends with the joints with which it began.
     """
 
-    size: ClassVar[int] = 0  # that of the arm
+    size: ClassVar[int] = 0
     target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
-
-    def rows(self, model: RobotModel) -> int:
-        return model.n
 
     def _joints(self, model: RobotModel) -> list[int]:
         _check_length('target of configuration', self.target, model.n)
