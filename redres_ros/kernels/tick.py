@@ -105,17 +105,15 @@ def rotation_error(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     for A = B.
     """
     w = np.empty(3)
-    fill_rotation_error(1.0, A, B, w)
+    _fill_rotation_error(A, B, w)
     return w
 
 
 @direct
-@compiled(void(float64, matrix(), matrix(), _VECTOR))
-def fill_rotation_error(gain: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
-    """Write rotation_error(A, B), times a gain, into w (3,): in half the time of returning it.
-
-    The axis is what is antisymmetric in R, and near half a turn, where that vanishes, the largest
-    column of the symmetric part less cos(angle) I.
+@compiled(void(matrix(), matrix(), _VECTOR))
+def _fill_rotation_error(A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
+    """Write it into w (3,). The axis is what is antisymmetric in R, and near half a turn, where
+    that vanishes, the largest column of the symmetric part less cos(angle) I.
     """
     w[:] = 0.0  # becomes sin(angle) axis, half of what is antisymmetric
     trace = 0.0
@@ -129,7 +127,7 @@ def fill_rotation_error(gain: float, A: np.ndarray, B: np.ndarray, w: np.ndarray
     angle = np.arctan2(sine, cosine)
     if angle <= np.pi - _NEAR_HALF_A_TURN:
         for i in range(3):
-            w[i] *= gain * angle / sine if sine > 0.0 else 1.0
+            w[i] *= angle / sine if sine > 0.0 else 1.0
         return
     S = np.zeros((3, 3))  # becomes (R + R') / 2 - cos(angle) I = (1 - cos(angle)) axis axis'
     for i in range(3):
@@ -144,4 +142,4 @@ def fill_rotation_error(gain: float, A: np.ndarray, B: np.ndarray, w: np.ndarray
     along = S[k, 0] * w[0] + S[k, 1] * w[1] + S[k, 2] * w[2]
     length = np.copysign(np.sqrt(S[k, 0] ** 2 + S[k, 1] ** 2 + S[k, 2] ** 2), along)
     for i in range(3):
-        w[i] = gain * angle * S[k, i] / length
+        w[i] = angle * S[k, i] / length
