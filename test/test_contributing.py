@@ -66,7 +66,8 @@ def follow(step: Step, project: Path) -> None:
         file.write_text(step.code, encoding='utf-8')
 
 
-def run(commands: str, project: Path) -> None:
+def run(commands: str, project: Path) -> str:
+    """What commands print in a copy of the project."""
     path = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
     done = subprocess.run(
         ['bash', '-euc', commands],
@@ -78,6 +79,7 @@ def run(commands: str, project: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, f'{commands}\n{done.stdout}{done.stderr}'
+    return done.stdout
 
 
 @pytest.fixture(scope='module')
@@ -97,29 +99,13 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
-def looks() -> list[str]:
-    """The commands with which the recipes end."""
-    ends = [steps[-1] for steps in recipes().values()]
-    assert {step.language for step in ends} == {'sh'}, 'a recipe ends with a look at what it made'
-    return [line for step in ends for line in step.code.splitlines()]
-
-
-def test_what_a_recipe_makes_passes_every_test_that_finds_it(project: Path) -> None:
-    """All that the recipes name, in one process: starting one takes longer than most of them."""
-    asked = [re.fullmatch(r'python -m pytest -q (\S+) -k (\w+)', line) for line in looks()]
-    files = [found[1] for found in asked if found]
-    words = [found[2] for found in asked if found]
-    assert len(words) == len(recipes())
-    run(f'python -m pytest -v {" ".join(files)} -k "{" or ".join(words)}" > passed', project)
-    passed = (project / 'passed').read_text(encoding='utf-8')
-    for file, word in zip(files, words, strict=True):
-        assert re.search(f'^{file}::.*{word}.* PASSED', passed, re.MULTILINE), passed
-
-
-def test_what_a_recipe_makes_runs(project: Path) -> None:
-    commands = [line for line in looks() if line.startswith('redres ')]
-    assert len(commands) >= 2
-    run('\n'.join(commands), project)
+@pytest.mark.parametrize('kind', recipes())
+def test_what_a_recipe_makes_passes_every_test_that_finds_it_and_runs(
+    kind: str, project: Path
+) -> None:
+    *_, look = recipes()[kind]
+    assert look.language == 'sh'
+    assert ' passed' in run(look.code, project)
 
 
 def test_what_all_recipes_make_is_in_good_style(project: Path) -> None:

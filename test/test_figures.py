@@ -18,12 +18,8 @@ from redres_ros.planning.waypoints import WaypointTask
 
 pytestmark = pytest.mark.nightly
 
-FRAMES = 6  # pictures of a motion
 UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 PAGE = Path(__file__).parents[1] / 'docs' / 'the_paper.md'
-# Axes of each figure; of a motion one for the paths, and the pictures
-AXES = {4: 3, 5: 1, 7: 2, 8: 1, 10: 2, 12: 2, 13: 1, 15: 2, 16: 1}
-AXES |= dict.fromkeys((3, 6, 9, 11, 14), 1 + FRAMES)  # 1 and 2 are drawings
 
 
 def shortened(task: WaypointTask) -> WaypointTask:
@@ -49,16 +45,15 @@ def plots(figure: Figure) -> list[Axes]:
 
 
 def test_every_figure_of_the_paper_is_on_its_page_once():
-    assert sorted(FIGURES) == sorted(AXES) == list(range(3, 17))
+    assert list(FIGURES) == list(range(3, 17))  # 1 and 2 are drawings
     shown = re.findall(r'\]\((paper/figure_(\d+)\.webp)\)', PAGE.read_text(encoding='utf-8'))
     assert [int(number) for _, number in shown] == sorted(FIGURES)
     assert all((PAGE.parent / file).is_file() for file, _ in shown)
 
 
 @pytest.mark.parametrize('number', FIGURES)
-def test_a_figure_has_a_number_all_axes_units_and_no_empty_curve(figures, number):
+def test_a_figure_has_a_number_units_and_no_empty_curve(figures, number):
     figure = figures[number]
-    assert len(figure.axes) == AXES[number]
     titles = [text.get_text() for text in figure.texts] + [ax.get_title() for ax in figure.axes]
     assert any(title.startswith(f'Figure {number}. ') for title in titles)
     for ax in plots(figure):

@@ -7,19 +7,16 @@ from pathlib import Path
 import pytest
 
 SCRIPTS = Path(__file__).resolve().parents[1] / 'scripts'
-LINT = SCRIPTS / 'lint'
 BARE = "import numpy as np\ndef f(q: np.ndarray) -> int:\n    '''The sum.'''\n"
 RAISING = 'class OwnError(Exception): ...\ndef f() -> None:\n    raise OwnError()\n'
 
 
-def faults(source: str, folder: Path) -> list[str]:
-    """What the script prints of a file with that source."""
-    (folder / 'source.py').write_text(source)
-    done = subprocess.run(
-        [sys.executable, str(LINT), str(folder)], capture_output=True, text=True, check=False
-    )
+def complaints(script: str, looked_at: Path) -> list[str]:
+    """What a script prints of a folder or file."""
+    words = [sys.executable, str(SCRIPTS / script), str(looked_at)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     lines = done.stdout.splitlines()
-    assert done.returncode == (1 if lines else 0), done.stderr
+    assert done.returncode == bool(lines), done.stderr
     return lines
 
 
@@ -34,37 +31,32 @@ def faults(source: str, folder: Path) -> list[str]:
     ],
 )
 def test_a_fault_is_found(source: str, said: str, tmp_path: Path) -> None:
-    [line] = faults(source, tmp_path)
+    (tmp_path / 'source.py').write_text(source)
+    [line] = complaints('lint', tmp_path)
     assert said in line
 
 
 def test_one_idea_and_one_argument_need_no_more(tmp_path: Path) -> None:
     source = 'a, b = pair()\n[i for row in rows for i in row]\ndef f(x): ...\n'
-    assert faults(source, tmp_path) == []
+    (tmp_path / 'source.py').write_text(source)
+    assert complaints('lint', tmp_path) == []
 
 
 PRIVATE = 'ecnalg'[::-1]  # written backwards, so that the script does not find it here
 
 
-@pytest.mark.parametrize('text', [f'a {PRIVATE} at the page', f'last_{PRIVATE} = 0'])
-def test_private_words_are_found_in_prose_and_in_names(text, tmp_path):
-    assert words(text, tmp_path) == [f'{tmp_path}/page.md:1: {PRIVATE}, use: snapshot']
-
-
-def test_words_of_the_field_pass(tmp_path):
-    assert words('a snapshot of the null space', tmp_path) == []
-
-
-def words(text: str, folder: Path) -> list[str]:
-    """What scripts/lint_words.py prints of a page with that text."""
-    page = folder / 'page.md'
+@pytest.mark.parametrize(
+    ('text', 'is_private'),
+    [
+        (f'a {PRIVATE} at the page', True),
+        (f'last_{PRIVATE} = 0', True),
+        ('a snapshot of the null space', False),
+    ],
+)
+def test_private_words_are_found_in_prose_and_in_names(
+    text: str, is_private: bool, tmp_path: Path
+) -> None:
+    page = tmp_path / 'page.md'
     page.write_text(text)
-    done = subprocess.run(
-        [sys.executable, str(SCRIPTS / 'lint_words.py'), str(page)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    lines = done.stdout.splitlines()
-    assert done.returncode == bool(lines), done.stderr
-    return lines
+    expected = [f'{page}:1: {PRIVATE}, use: snapshot'] if is_private else []
+    assert complaints('lint_words.py', page) == expected

@@ -1,31 +1,19 @@
 """The figures in README.md and docs/choosing_a_law.md are those of the code as it is."""
 
-import importlib.util
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from printed import differences
 
-DOCS = Path(__file__).resolve().parents[1] / 'docs'
+sys.path.append(str(Path(__file__).resolve().parents[1] / 'docs'))
+
+import make_numbers as numbers
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope='module')
-def numbers() -> ModuleType:
-    """docs/make_numbers.py as a module."""
-    spec = importlib.util.spec_from_file_location('make_numbers', DOCS / 'make_numbers.py')
-    module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(DOCS))
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    sys.path.remove(str(DOCS))
-    return module
-
-
-def on_page(numbers: ModuleType, page: int, name: str) -> str:
+def on_page(page: int, name: str) -> str:
     """What stands in a block; a page without it is an error."""
     found = numbers.block(numbers.PAGES[page].read_text(encoding='utf-8'), name)
     assert found, f'{name} is empty'
@@ -38,39 +26,37 @@ def cells(table: str, law: str) -> list[str]:
     return next(row for row in rows if f'`{law}`' in row[0])
 
 
-def test_readme_says_what_the_laws_do_on_the_rectangle(numbers: ModuleType) -> None:
+def test_readme_says_what_the_laws_do_on_the_rectangle() -> None:
     cases = [
         numbers.Case('minimum_velocity'),
         numbers.Case('minimum_acceleration'),
         numbers.Case('minimum_velocity', limits=numbers.LIMITS),
     ]
     results = {case: numbers.result(case) for case in cases}
-    assert not differences(on_page(numbers, 0, 'headline'), numbers.headline(results))
+    assert not differences(on_page(0, 'headline'), numbers.headline(results))
     # A row of each table, which has the same runs.
     effort = results[cases[1]].effort
-    row = cells(on_page(numbers, 1, 'efforts'), cases[1].law)
+    row = cells(on_page(1, 'efforts'), cases[1].law)
     assert not differences(row[2], f'{effort.acceleration:.3g}')
     assert not differences(row[7].rstrip(' |'), f'{effort.elbow:.3g}')
 
 
-def test_every_law_and_damping_has_its_place(numbers: ModuleType) -> None:
-    rows = on_page(numbers, 1, 'efforts').splitlines()[2:]
+def test_every_law_and_damping_has_its_place() -> None:
+    rows = on_page(1, 'efforts').splitlines()[2:]
     assert [row.split('`')[1] for row in rows] == list(numbers.LAWS)
-    heads, _, *rows = on_page(numbers, 1, 'dampings').splitlines()
+    heads, _, *rows = on_page(1, 'dampings').splitlines()
     assert [float(cell) for cell in heads.split('|')[2:-1]] == list(numbers.DAMPINGS)
     assert len(rows) == 3
 
 
-def test_the_tables_of_the_study_are_those_of_its_results(
-    numbers: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_tables_of_the_study_are_those_of_its_results() -> None:
     pytest.importorskip('pyarrow')
-    monkeypatch.syspath_prepend(DOCS)
-    evidence = importlib.import_module('make_evidence')
-    short = evidence.read_results(DOCS / 'studies' / 'laws.parquet')
-    long = evidence.read_results(DOCS / 'studies' / 'long.parquet')
-    assert on_page(numbers, 1, 'evidence_sample') == evidence.sample(short, long)
-    assert not differences(on_page(numbers, 1, 'evidence_words'), evidence.words(short))
-    assert not differences(on_page(numbers, 1, 'evidence'), evidence.default_table(short))
-    assert not differences(on_page(numbers, 1, 'evidence_laws'), evidence.table(short))
-    assert not differences(on_page(numbers, 1, 'evidence_long'), evidence.long_table(long))
+    import make_evidence as evidence
+
+    short = evidence.read_results(evidence.STUDIES / 'laws.parquet')
+    long = evidence.read_results(evidence.STUDIES / 'long.parquet')
+    assert on_page(1, 'evidence_sample') == evidence.sample(short, long)
+    assert not differences(on_page(1, 'evidence_words'), evidence.words(short))
+    assert not differences(on_page(1, 'evidence'), evidence.default_table(short))
+    assert not differences(on_page(1, 'evidence_laws'), evidence.table(short))
+    assert not differences(on_page(1, 'evidence_long'), evidence.long_table(long))
