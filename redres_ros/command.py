@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +103,8 @@ VALUES: dict[str, Callable[[Command], float]] = {
 }
 
 
-class Published(NamedTuple):
+@dataclass(slots=True)  # made in every tick
+class Published:
     """The last reference, from which the robot and the next reference continue.
 
     Attributes:
@@ -162,9 +163,12 @@ class RobotInterface:
 
         One that extrapolates stops at the ends of its range.
         """
-        q, dq, ddq, command = published
         if not missed:
             return published
+        q = published.q
+        dq = published.dq
+        ddq = published.ddq
+        command = published.command
         zeros = np.zeros(len(q))
         if self.holds:
             return Published(q, zeros, zeros, command)

@@ -46,21 +46,17 @@ _TURN = 2.0 * np.pi  # [rad]
 
 
 @dataclass(slots=True)  # made in every tick
-class Plan:
-    """The next reference, before it is published.
+class Plan(Command):
+    """A command before it is published.
 
     Attributes:
         base: Where the robot is by now, and its motion.
-        dq: Velocity of q_ref from there.
+        reference: What the tick after this one continues from.
     """
 
-    base: Published
-    state: RobotState
     motion: Motion
-    solution: Solution
-    q_ref: JointPositions
-    dq: JointVelocities
-    ddq: JointAccelerations
+    base: Published
+    reference: Published
 
 
 class Controller:
@@ -362,27 +358,27 @@ class Controller:
         q_ref = np.empty(self.model.n)
         ddq = np.empty(self.model.n)
         speed = integrate(start, self.T, dq, dq_prev, q_ref, ddq)
-        if start is not base.q:
-            dq = np.empty(self.model.n)
-            differentiate(q_ref, base.q, self.T, dq)
-        plan = Plan(base, state, motion, solution, q_ref, dq, ddq)
         if not speed <= SPEED_LIMIT:
-            raise self._diverged(plan, dx)
-        return plan
+            raise self._diverged(motion, state, dx, speed)
+        dq_ref = dq
+        if start is not base.q:
+            dq_ref = np.empty(self.model.n)
+            differentiate(q_ref, base.q, self.T, dq_ref)
+        solution.dq = dq.copy()  # whatever is done to a command
+        reference = Published(q_ref, dq_ref, ddq, dq)
+        return Plan(solution, q_ref.copy(), state, self.T, motion, base, reference)
 
     def commit(self, plan: Plan) -> Command:
         """The command of a plan, from which the next tick continues."""
-        solution = plan.solution
         motion = plan.motion
         if isinstance(motion, Crossfade):
-            motion = motion.after(solution)
+            motion = motion.after(plan.solution)
         self._motion = motion
         self._has_open_targets = False
-        self.published = Published(plan.q_ref, plan.dq, plan.ddq, solution.dq)
-        if self._restarts and not solution.dq.any():
+        self.published = plan.reference
+        if self._restarts and not plan.dq.any():
             self.hold_at(plan.q_ref)
-        solution.dq = solution.dq.copy()  # whatever is done to a command
-        return Command(solution, plan.q_ref.copy(), plan.state, self.T)
+        return plan
 
     def hold_command(self) -> Command:
         """The command of an arm at rest: the last reference again, exactly."""
@@ -398,14 +394,14 @@ class Controller:
         policy = self._targeted.for_joints if self._follows_joints else self._targeted
         self._desired = policy.stop if self._holds or self._restarts else policy
 
-    def _diverged(self, plan: Plan, dx: TaskVelocity) -> DivergedError:
+    def _diverged(
+        self, motion: Motion, state: RobotState, dx: TaskVelocity, speed: float
+    ) -> DivergedError:
         """The error of a speed beyond that of any arm.
 
         If dx alone would not ask for it, from rest, the velocity history does, and is dropped.
         """
-        speed = float(np.linalg.norm(plan.solution.dq))
-        at_rest = plan.state.with_velocity(np.zeros(self.model.n))
-        from_rest = plan.motion.solve(at_rest, dx, self.T)
+        from_rest = motion.solve(state.with_velocity(np.zeros(self.model.n)), dx, self.T)
         if np.linalg.norm(from_rest.dq) > SPEED_LIMIT:
             return DivergedError(speed, SPEED_LIMIT, 'dx')
         self.restart()

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -41,13 +41,11 @@ _CROSS = np.array(
 )
 
 
-_NOTHING: Mapping[str, np.ndarray] = {}  # no mappingproxy: controllers are pickled
-
-
-class TickContext(NamedTuple):
+@dataclass(slots=True)  # made in every tick
+class TickContext:
     """What a tick needs besides the state of the arm."""
 
-    measurements: Mapping[str, np.ndarray] = _NOTHING  # that are fresh, by name
+    measurements: Mapping[str, np.ndarray] = field(default_factory=dict)  # fresh ones, by name
     gap: Cycles = 1  # between two commands, in which every joint must be able to stop
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
     correction: TaskVelocity | None = None  # the part of dx that only holds what must not move
@@ -66,7 +64,8 @@ class RobotState:
 
     # Until a quantity is asked for. A property with such a default takes half of what a
     # functools.cached_property takes.
-    _tip: tuple[pin.SE3, Jacobian] | None = None
+    _J: Jacobian | None = None
+    _tip: pin.SE3 | None = None
     _M: np.ndarray | None = None
     _n: np.ndarray | None = None
 
@@ -99,22 +98,24 @@ class RobotState:
     @property
     def J(self) -> Jacobian:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        return self._at_tip()[1]
+        if self._J is None:
+            self._J = self.model._jacobian(self.q, self.model._tip)
+        return self._J
 
     @property
     def x(self) -> Position:
         """Of the tip in the base frame."""
-        return self._at_tip()[0].translation.copy()
+        return self._placement.translation.copy()
 
     @property
     def R(self) -> Rotation:
         """Of the tip in the base frame."""
-        return self._at_tip()[0].rotation.copy()
+        return self._placement.rotation.copy()
 
-    def _at_tip(self) -> tuple[pin.SE3, Jacobian]:
-        """Placement and J: a tick asks for both, and each alone takes as long as they together."""
+    @property
+    def _placement(self) -> pin.SE3:
         if self._tip is None:
-            self._tip = self.model._at_tip(self.q)
+            self._tip = self.model._placement(self.q, self.model._tip)
         return self._tip
 
     @property
@@ -180,7 +181,6 @@ class RobotModel:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
         self._tip = self._frame(arm.tip_frame)
-        self._tip_placement = self._data.oMf[self._tip]  # in the data: changes with them
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.links = tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
         self.n = self._model.nv
@@ -193,9 +193,7 @@ class RobotModel:
         self.reach: Meters = float(sum(map(np.linalg.norm, offsets)))  # of the arm in one line
 
     def __reduce__(self) -> tuple[Callable[[Arm], 'RobotModel'], tuple[Arm]]:
-        """Pickle and copy by the arm: a copy of Pinocchio's data would no longer be what
-        `_tip_placement` looks at.
-        """
+        """Pickle and copy by the arm: Pinocchio's data are 50 times as large."""
         return type(self), (self.arm,)
 
     @cached_property
@@ -264,16 +262,11 @@ class RobotModel:
 
     def tip(self, q: JointPositions) -> tuple[Position, Rotation]:
         """The tip's pose in the base frame."""
-        q = finite_vector(q, self.n, 'q')
-        placement, _ = self._at_tip(q)
-        return placement.translation.copy(), placement.rotation.copy()
+        return self._pose(q, self._tip)
 
     def pose(self, q: JointPositions, frame: str) -> tuple[Position, Rotation]:
         """Of a link in the base frame."""
-        q = finite_vector(q, self.n, 'q')
-        pin.forwardKinematics(self._model, self._data, q)
-        placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
-        return placement.translation.copy(), placement.rotation.copy()
+        return self._pose(q, self._frame(frame))
 
     def position(self, q: JointPositions, frame: str) -> Position:
         """Of a link's origin in the base frame."""
@@ -285,8 +278,7 @@ class RobotModel:
 
     def jacobian(self, q: JointPositions, frame: str) -> Jacobian:
         """Of a link in the base frame, (6, n): the linear rows, then the angular ones."""
-        q = finite_vector(q, self.n, 'q')
-        return pin.computeFrameJacobian(self._model, self._data, q, self._frame(frame), _ALIGNED)
+        return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
 
     def check_reach(self, x: Position) -> None:
         """Raise RangeError for a point that is farther from the first joint than all links in one
@@ -301,9 +293,16 @@ class RobotModel:
         if not distance <= length:
             raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
-    def _at_tip(self, q: JointPositions) -> tuple[pin.SE3, Jacobian]:
-        J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
-        return self._tip_placement.copy(), J
+    def _jacobian(self, q: JointPositions, frame: int) -> Jacobian:
+        return pin.computeFrameJacobian(self._model, self._data, q, frame, _ALIGNED)  # a copy
+
+    def _placement(self, q: JointPositions, frame: int) -> pin.SE3:
+        pin.forwardKinematics(self._model, self._data, q)
+        return pin.updateFramePlacement(self._model, self._data, frame)  # a copy
+
+    def _pose(self, q: JointPositions, frame: int) -> tuple[Position, Rotation]:
+        placement = self._placement(finite_vector(q, self.n, 'q'), frame)
+        return placement.translation.copy(), placement.rotation.copy()
 
     def _inertia(self, q: JointPositions) -> InertiaMatrix:
         return pin.crba(self._model, self._data, q)  # a copy

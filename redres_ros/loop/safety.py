@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from redres_ros.command import Published
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
 from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
@@ -205,5 +206,6 @@ class SafetyFilter:
             f'{model.q_max[joint]:.4g} rad, {V[joint]:.4g} rad/s, {A[joint]:.4g} rad/s^2, or too '
             'fast to stop within that range'
         )
-        solution = replace(plan.solution, dq=dq)
-        return replace(plan, solution=solution, q_ref=q_ref, dq=dq, ddq=(dq - base.dq) / T)
+        solution = replace(plan.solution, dq=dq.copy())
+        reference = Published(q_ref.copy(), dq, (dq - base.dq) / T, dq)
+        return replace(plan, solution=solution, q_ref=q_ref, reference=reference)
