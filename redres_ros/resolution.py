@@ -27,7 +27,7 @@ from redres_ros.kernels.closed_form import (
     fill_factor,
     solve_rows,
 )
-from redres_ros.types import Jacobian, JointVelocities, TaskVelocity
+from redres_ros.types import FLOAT64, Jacobian, JointVelocities, TaskVelocity
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -36,7 +36,7 @@ _DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
-_NO_LEVEL = np.zeros((0, 0)), np.zeros(0)
+_NO_LEVEL = None, None
 
 
 class Factor:
@@ -151,16 +151,12 @@ def resolve_one(
     Singular values are judged against the largest one of J, or against size if that is larger. A
     direction that takes more than `fastest` [rad/s] is damped as well. Raises ArrayError.
     """
-    n = len(b)
-    J_lower, dx_lower = stacked(lower, n) if lower else _NO_LEVEL
-    array, form = (_NO_WEIGHT, IDENTITY) if W is None else as_array(W)
-    dq = np.empty(n)
-    try:
-        outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
-    except TypeError:  # not of float64
-        given = (J, dx, J_lower, dx_lower, b, array)
-        arrays = [np.asarray(each, np.float64) for each in given]
-        outcome = closed_form(*arrays, form, size, fastest, dq)
+    J_lower, dx_lower = stacked(lower, len(b)) if lower else _NO_LEVEL
+    array, form = (None, IDENTITY) if W is None else as_array(W)
+    if not (J.dtype is dx.dtype is b.dtype is FLOAT64 and J.ndim == 2):  # these are users'
+        J, dx, b = (np.asarray(each, FLOAT64) for each in (J, dx, b))
+    dq = np.empty(len(b))
+    outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
     if outcome == INDEFINITE:
         raise _indefinite(array)
     if outcome == SINGULAR:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from redres_ros import Law, RobotModel, RobotState
 from redres_ros.parameter import param
@@ -29,6 +28,7 @@ class FloatingArm:
     """
 
     n = 7
+    _tip = 0
     q_min = np.full(n, -2.9)
     q_max = np.full(n, 2.9)
 
@@ -38,8 +38,8 @@ class FloatingArm:
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    def _at_tip(self, q: np.ndarray) -> tuple[pin.SE3, np.ndarray]:
-        return pin.SE3.Identity(), np.zeros((6, self.n))
+    def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
+        return np.zeros((6, self.n))
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return np.zeros(len(q))

@@ -7,6 +7,7 @@ second to load.
 
 import numpy as np
 from numba import boolean, float64, int64
+from numba.types import Optional
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, vector
 
@@ -233,7 +234,7 @@ def _solution(
     r: np.ndarray,
     first: int,
     b: np.ndarray,
-    W: np.ndarray,
+    W: np.ndarray | None,
     form: int,
     size: float,
     fastest: float,
@@ -257,7 +258,7 @@ def _solution(
         dq[i] = b[i]
         for k in range(m):
             r[k] -= Q[k, i] * b[i]
-    if form != IDENTITY:
+    if W is not None:
         if not _add_weighted(Q, R, r, _copied(W), form, dq):
             return INDEFINITE
     else:
@@ -272,19 +273,20 @@ def _solution(
     return SOLVED if square <= fastest * fastest else SINGULAR
 
 
+@direct
 @compiled(
     int64(
-        *(matrix(), vector(), matrix(), vector()),
-        *(vector(), matrix(), int64, float64, float64, float64[::1]),
+        *(matrix(), vector(), Optional(matrix()), Optional(vector())),
+        *(vector(), Optional(matrix()), int64, float64, float64, float64[::1]),
     )
 )
 def closed_form(
     J_first: np.ndarray,
     dx_first: np.ndarray,
-    J_lower: np.ndarray,
-    dx_lower: np.ndarray,
+    J_lower: np.ndarray | None,
+    dx_lower: np.ndarray | None,
     b: np.ndarray,
-    W: np.ndarray,
+    W: np.ndarray | None,
     form: int,
     size: float,
     fastest: float,
@@ -294,12 +296,13 @@ def closed_form(
 
     That is also what Eq. (20) asks for wherever each task can be executed exactly in what those
     before it leave. Rows of zeros in the first task, as of a planar arm, are left out. The weight W
-    is (0, 0) for the identity, and else as `form` says. Singular values of the first task are
+    is None for the identity, and else as `form` says. Singular values of the first task are
     judged against `size`, or the largest one; a dq longer than `fastest` is not the solution. The
     result is SOLVED, INCOMPLETE, SINGULAR, INDEFINITE or NOT_FINITE.
     """
     n = len(b)
-    Q = np.empty((len(dx_first) + len(dx_lower), n))
+    lower = 0 if dx_lower is None else len(dx_lower)
+    Q = np.empty((len(dx_first) + lower, n))
     r = np.empty(len(Q))
     first = 0
     complete = True
@@ -315,11 +318,12 @@ def closed_form(
             first += 1
     if first == 0:
         return SINGULAR
-    m = first + len(dx_lower)
-    for k in range(first, m):
-        r[k] = dx_lower[k - first]
-        for i in range(n):
-            Q[k, i] = J_lower[k - first, i]
+    m = first + lower
+    if dx_lower is not None and J_lower is not None:
+        for k in range(lower):
+            r[first + k] = dx_lower[k]
+            for i in range(n):
+                Q[first + k, i] = J_lower[k, i]
     outcome = _solution(Q[:m], r[:m], first, b, W, form, size, fastest, dq)
     return INCOMPLETE if outcome == SOLVED and not complete else outcome
 
