@@ -59,17 +59,27 @@ class Plan(Command):
     reference: Published
 
 
+def _of_tick(name: str) -> Any:
+    """An attribute of a controller that its states have, too, in their `tick`."""
+
+    def assign(controller: 'Controller', value: Any) -> None:
+        controller._tick = replace(controller._tick, **{name: value})
+
+    return property(lambda controller: getattr(controller._tick, name), assign)
+
+
 class Controller:
     """Turns task velocities into position references by the active policy.
 
     Attributes:
         published: The last reference; None before the first.
         policy: The requested one; a crossfade towards it may be under way.
-        gap: Cycles between two commands, at most: joints still stop in time.
-        longest_gap: The same, once on the way to the end of a range.
-        measurements: By name, for preferences and limits.
         has_turns: Joints have more than one turn.
     """
+
+    measurements = _of_tick('measurements')  # by name, for preferences and limits
+    gap = _of_tick('gap')  # cycles between two commands, at most: joints still stop in time
+    longest_gap = _of_tick('longest_gap')  # the same, once on the way to the end of a range
 
     def __init__(
         self,
@@ -123,9 +133,7 @@ class Controller:
         self._q_shape = (model.n,)
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
         self.has_turns = bool(self._multi_turn.size)
-        self.gap = 1
-        self.longest_gap = 1
-        self.measurements: Mapping[str, np.ndarray] = {}
+        self._tick = TickContext(lost=robot_interface.lost)
         self._holds = False  # after hold()
         self._follows_joints = False
         self.published: Published | None = None
@@ -329,8 +337,9 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
+        tick = self._tick
         if correction is not None:
-            correction = as_vector(correction, self.m, 'correction')
+            tick = replace(tick, correction=as_vector(correction, self.m, 'correction'))
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -342,9 +351,6 @@ class Controller:
         at = start
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
-        tick = TickContext(
-            self.measurements, self.gap, self.longest_gap, correction, self.robot_interface.lost
-        )
         state = RobotState(self.model, at, dq_prev, base.ddq, tick)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
@@ -355,14 +361,15 @@ class Controller:
             motion = advanced(self._motion, self._desired, dq_prev, elapsed, self.switch_time)
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
-        q_ref = np.empty(self.model.n)
-        ddq = np.empty(self.model.n)
+        n = self.model.n
+        q_ref = np.empty(n)
+        ddq = np.empty(n)
         speed = integrate(start, self.T, dq, dq_prev, q_ref, ddq)
         if not speed <= SPEED_LIMIT:
             raise self._diverged(motion, state, dx, speed)
         dq_ref = dq
         if start is not base.q:
-            dq_ref = np.empty(self.model.n)
+            dq_ref = np.empty(n)
             differentiate(q_ref, base.q, self.T, dq_ref)
         solution.dq = dq.copy()  # whatever is done to a command
         reference = Published(q_ref, dq_ref, ddq, dq)

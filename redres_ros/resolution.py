@@ -21,6 +21,7 @@ from redres_ros.kernels.closed_form import (
     NOT_FINITE,
     SINGULAR,
     SINGULAR_RATIO,
+    SOLVED,
     SQUARE,
     WEIGHT,
     closed_form,
@@ -157,6 +158,8 @@ def resolve_one(
         J, dx, b = (np.asarray(each, FLOAT64) for each in (J, dx, b))
     dq = np.empty(len(b))
     outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    if outcome == SOLVED:
+        return dq, False
     if outcome == INDEFINITE:
         raise _indefinite(array)
     if outcome == SINGULAR:

@@ -41,7 +41,7 @@ _CROSS = np.array(
 )
 
 
-@dataclass(slots=True)  # made in every tick
+@dataclass(frozen=True)
 class TickContext:
     """What a tick needs besides the state of the arm."""
 

@@ -6,7 +6,15 @@ from functools import partial
 
 import numpy as np
 
-from redres_ros.kernels.boxes import BOXES, NO_LIMITS, VELOCITY, fill_boxes, stopping_speed, within
+from redres_ros.kernels.boxes import (
+    BOXES,
+    NO_LIMITS,
+    VELOCITY,
+    are_far,
+    fill_boxes,
+    stopping_speed,
+    within,
+)
 from redres_ros.limits.component_scaling import executed_fractions, solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
@@ -160,9 +168,13 @@ class Limits:
 
     def violated(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> Bounds | None:
         """Their bounds at a state, if a velocity does not keep them all; None if it does."""
-        is_inside = self._fill_boxes(dq, state, T)
+        tick = state.tick
+        is_far = are_far(dq, state.q, state.dq_prev, T, self._joints, tick.gap, tick.longest_gap)
+        is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
             return None
+        if is_far:
+            self._fill_boxes(dq, state, T)
         bounds = self._bounds(state, T)
         return None if is_inside and bounds.allow(dq) else bounds
 
