@@ -23,9 +23,7 @@ from redres_ros.tasks import Task
 from redres_ros.types import (
     FLOAT64,
     Cycles,
-    JointAccelerations,
     JointPositions,
-    JointVelocities,
     Seconds,
     TaskVelocity,
     as_vector,

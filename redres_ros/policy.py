@@ -15,7 +15,15 @@ from redres_ros.geometry import quintic
 from redres_ros.laws import LAWS, Law
 from redres_ros.parameter import Parameter, as_tuple, check_value
 from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.resolution import Level, Solution, Weight, resolve_in_order, resolve_one, scaled
+from redres_ros.resolution import (
+    Level,
+    Solution,
+    Weight,
+    check_shapes,
+    resolve_in_order,
+    resolve_one,
+    scaled,
+)
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import brake_before_end, escape, locked
 from redres_ros.tasks import TASKS, Configuration, Task
@@ -160,8 +168,10 @@ class Policy:
         policy = self.with_initial_targets(state)
         for preference in policy.preferences:
             preference.acceleration(state)
+        b = self.law.bias(state, T or 1.0)
+        W = self.law.weight(state)
         for task in (policy.task, *policy.secondary_tasks):
-            task.jacobian(state)
+            check_shapes(task.jacobian(state), np.zeros(task.rows(model)), b, W)
 
     @cached_property
     def stop(self) -> 'Hold':

@@ -50,7 +50,7 @@ class Factor:
     form = FACTOR  # as kernels/closed_form.py calls it
 
     def __init__(self, F: np.ndarray) -> None:
-        self.F = F
+        self.F = np.asarray(F, FLOAT64)
         self.shape = F.shape
 
     def solved(self, rows: np.ndarray, *, transposed: bool) -> np.ndarray:
@@ -61,7 +61,7 @@ class Factor:
 
     def _triangle(self) -> np.ndarray:
         """What is solved with, upper triangular, (n, n)."""
-        return np.asarray(self.F, np.float64)
+        return self.F
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
         W: np.ndarray = self.F.T.dot(self.F)
@@ -118,7 +118,9 @@ def resolve(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight = None)
 
     Raises ArrayError for shapes that do not fit, NaN or infinity, an indefinite W.
     """
-    _check_shapes(J, dx, b, W)
+    check_shapes(J, dx, b, W)
+    if not 1 <= len(J) <= len(b):
+        raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
     dq, _ = resolve_one(J, dx, b, W)
     return dq
 
@@ -156,12 +158,13 @@ def resolve_one(
     array, form = (None, IDENTITY) if W is None else as_array(W)
     if not (J.dtype is dx.dtype is b.dtype is FLOAT64 and J.ndim == 2):  # these are users'
         J, dx, b = (np.asarray(each, FLOAT64) for each in (J, dx, b))
+        check_shapes(J, dx, b, W)
     dq = np.empty(len(b))
     outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
     if outcome == SOLVED:
         return dq, False
     if outcome == INDEFINITE:
-        raise _indefinite(array)
+        raise _indefinite(np.asarray(array))
     if outcome == SINGULAR:
         if lower:
             return _resolve_in_order_carefully([(J, dx), *lower], b, W)
@@ -185,9 +188,10 @@ def solve_weight(W: Weight, x: np.ndarray) -> np.ndarray:
 def stacked(levels: Sequence[Level], n: int) -> Level:
     """J and dx of all tasks, stacked, for n joints; of a single task its own arrays."""
     if len(levels) == 1:  # nothing to copy
-        return levels[0]
-    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
-    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
+        J, dx = levels[0]
+        return np.asarray(J, FLOAT64), np.asarray(dx, FLOAT64)
+    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)], dtype=FLOAT64)
+    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)], dtype=FLOAT64)
     return J, dx
 
 
@@ -204,7 +208,7 @@ def as_array(W: Weight) -> tuple[np.ndarray, int]:
         return _NO_WEIGHT, IDENTITY
     if isinstance(W, Factor):
         return W.F, W.form
-    return W, WEIGHT
+    return np.asarray(W, FLOAT64), WEIGHT
 
 
 def _resolve_in_order_carefully(
@@ -303,9 +307,10 @@ def _null_space(J: np.ndarray, size: float) -> np.ndarray:
     return Vt[rank:].T
 
 
-def _check_shapes(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight) -> None:
-    if J.ndim != 2 or not 1 <= J.shape[0] <= J.shape[1]:
-        raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
+def check_shapes(J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight) -> None:
+    """Raise ArrayError unless they are of m task directions and n joints."""
+    if J.ndim != 2:
+        raise ArrayError(f'J has shape {J.shape}; expected (m, n)')
     m, n = J.shape
     for name, array, shape in (('dx', dx, (m,)), ('b', b, (n,)), ('W', W, (n, n))):
         if array is not None and array.shape != shape:

@@ -84,8 +84,6 @@ def solve_constrained(
         fill_factor(np.asarray(W, FLOAT64), factor)
     if active_set is None:
         active_set = np.zeros(n + 1, np.int64)
-    if not J.dtype is dx.dtype is factor.dtype is FLOAT64:  # these are users'
-        J, dx, factor = (np.asarray(each, FLOAT64) for each in (J, dx, factor))
     problem = dq_free, factor, J, dx, sizes, np.asarray(box, FLOAT64)
     if len(low) > _FEW:
         return _with_needed_rows(problem, (C, low, high, groups), active_set)

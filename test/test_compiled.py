@@ -15,7 +15,7 @@ from numba import float64
 
 import redres_ros
 from redres_ros.files.processes import handled, interruptible
-from redres_ros.kernels.closed_form import closed_form
+from redres_ros.kernels.closed_form import fill_factor
 from redres_ros.kernels.compiled import compiled, direct, vector
 
 PACKAGE = Path(redres_ros.__file__).parent
@@ -34,7 +34,7 @@ def test_a_function_called_directly_gives_the_same():
 def test_another_type_of_argument_compiles_nothing():
     """What has not been compiled when the module is loaded is refused, not compiled in a tick."""
     with pytest.raises(TypeError, match='No matching definition'):
-        closed_form(*(np.zeros((3, 7), np.float32),) * 10)
+        fill_factor(*(np.zeros((3, 7), np.float32),) * 2)
 
 
 def test_ctrl_c_that_gets_lost_while_compiling_comes_at_the_end():

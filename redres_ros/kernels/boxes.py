@@ -32,8 +32,6 @@ NO_LIMITS = np.array(
     JOINT_LIMITS,
 )
 
-_LIMITS = types.Array(from_dtype(JOINT_LIMITS), 1, 'C')
-
 # The boxes in which joint limits are kept, in this order.
 JERK = 0
 ACCELERATION = 1
@@ -198,7 +196,12 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 
 
 @direct
-@compiled(boolean(vector(), vector(), vector(), float64, _LIMITS, float64, float64))
+@compiled(
+    boolean(
+        *(vector(), vector(), vector(), float64),
+        *(types.Array(from_dtype(JOINT_LIMITS), 1, 'C'), float64, float64),
+    )
+)
 def are_far(
     dq: np.ndarray,
     q: np.ndarray,
@@ -233,7 +236,8 @@ def are_far(
 @compiled(
     boolean(
         *(vector(), vector(), vector(), vector(), float64),
-        *(_LIMITS, float64[:, :, ::1], float64, float64, float64),
+        *(types.Array(from_dtype(JOINT_LIMITS), 1, 'C'), float64[:, :, ::1]),
+        *(float64, float64, float64),
     )
 )
 def fill_boxes(
@@ -249,7 +253,7 @@ def fill_boxes(
     lost: float,
 ) -> bool:
     """Write the box of each limit of the joints (n,), and last the one that is in all of them, into
-    boxes (BOXES + 1, 2, n); whether dq is in all of them.
+    boxes (BOXES + 1, 2, n).
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
     allow. Only where it would leave its range, or be faster than the arm is able to, it brakes as

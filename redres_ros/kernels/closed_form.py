@@ -7,9 +7,8 @@ second to load.
 
 import numpy as np
 from numba import boolean, float64, int64
-from numba.types import Optional
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, optional, part, vector
 
 # Results of `closed_form`.
 SOLVED = 0
@@ -276,8 +275,8 @@ def _solution(
 @direct
 @compiled(
     int64(
-        *(matrix(), vector(), Optional(matrix()), Optional(vector())),
-        *(vector(), Optional(matrix()), int64, float64, float64, float64[::1]),
+        *(matrix(), vector(), optional(matrix()), optional(vector())),
+        *(vector(), optional(matrix()), int64, float64, float64, float64[::1]),
     )
 )
 def closed_form(

@@ -100,6 +100,11 @@ def matrix(dtype: Any = types.float64) -> Any:
     return types.Array(dtype, 2, 'A', readonly=True)
 
 
+def optional(member: Any) -> Any:
+    """The type of a value that may be None."""
+    return types.Optional(member)  # type: ignore[no-untyped-call]
+
+
 def several(*members: Any) -> Any:
     """The type of a tuple."""
     return types.Tuple(members)  # type: ignore[no-untyped-call]
