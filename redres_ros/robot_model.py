@@ -272,6 +272,10 @@ class RobotModel:
         """Of a link's origin in the base frame."""
         return self.pose(q, frame)[0]
 
+    def kinetic_energy(self, q: JointPositions, dq: JointVelocities) -> float:
+        """1/2 dq' M dq [J], without M and without check."""
+        return float(pin.computeKineticEnergy(self._model, self._data, q, dq))
+
     def jacobian(self, q: JointPositions, frame: str) -> Jacobian:
         """Of a link in the base frame, (6, n): the linear rows, then the angular ones."""
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
