@@ -56,12 +56,9 @@ class Factor:
     def solved(self, rows: np.ndarray, *, transposed: bool) -> np.ndarray:
         """F^-1 x, or F'^-1 x, for each of the rows x, (k, n)."""
         X = np.array(rows, np.float64, order='C')
-        solve_rows(self._triangle(), self.form, transposed, X)
+        triangle = _cholesky(self.F) if self.form == SQUARE else self.F
+        solve_rows(triangle, self.form, transposed, X)
         return X
-
-    def _triangle(self) -> np.ndarray:
-        """What is solved with, upper triangular, (n, n)."""
-        return self.F
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
         W: np.ndarray = self.F.T.dot(self.F)
@@ -75,9 +72,6 @@ class Square(Factor):
     """
 
     form = SQUARE
-
-    def _triangle(self) -> np.ndarray:
-        return _cholesky(self.F)
 
 
 Weight = np.ndarray | Factor | None  # (n, n) symmetric positive definite; None for the identity
