@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fake_robot_helpers import EPOCH, Q0, Connection
+from fake_robot_helpers import Q0, Connection
 
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.robot import FakeRobot
@@ -55,13 +55,6 @@ def test_a_command_may_be_a_hundred_cycles_late(off, is_taken):
         connection.advance()
     connection.send(connection.robot.tick - 1 + off, Q0)
     assert bool(connection.receiver.take()) is is_taken
-
-
-def test_a_stamp_between_two_states_is_for_none():
-    connection = make_connection()
-    connection.receiver.put(EPOCH + 1, NAMES, Q0)
-    assert connection.receiver.take()[-1].tick == connection.robot.tick - 1
-    assert connection.robot.session.refusals == {'for no state': 1}
 
 
 WRONG_CONTENT = {

@@ -1,13 +1,10 @@
 """Recordings: what a row holds, in which order, and that a file gives back every bit."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from redres_ros import Command, RobotModel
 from redres_ros.command import VALUES
-from redres_ros.errors import FileError
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Solution
 from redres_ros.simulation.recording import MotionRecorder, Recording, columns
@@ -100,11 +97,3 @@ def test_a_recording_without_rows_has_a_heading_still(model, tmp_path):
     empty.write_csv(tmp_path / 'motion.csv')
     assert empty.data.shape == (0, len(columns(7)))
     assert (tmp_path / 'motion.csv').read_text() == COLUMNS + '\n'
-
-
-@pytest.mark.parametrize('path', ['', 'file.txt/motion.csv'])
-def test_a_file_that_cannot_be_written_is_refused_by_path(recording, tmp_path, path):
-    (tmp_path / 'file.txt').write_text('in the way')
-    target = tmp_path / Path(path)
-    with pytest.raises(FileError, match=f'cannot write {target}'):
-        recording.write_csv(target)

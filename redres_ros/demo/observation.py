@@ -28,7 +28,7 @@ from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import UNDER_WAY, TaskState
 from redres_ros.resolution import Solution
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import MotionRecorder, Recording
 
 STATES = 'joint_states'
@@ -235,18 +235,12 @@ def replay(
         J = state.J if pose else state.J[:3]
         solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
         command = Command(solution, q_ref, state, elapsed)
-        reference = _reference(desired, state, segment, pose)
+        x_d = desired[:3]
+        reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
+        if pose:
+            error = rotation_error(state.R, from_quaternion(desired[3:]))
+            reference = reference._replace(orientation_error=error)
         recorder.add((stamp - stamps[0]) / 1e9, command, reference, s)
     _, reason = log.stopped()
     is_finished = log.ending() == TaskState.FINISHED.value and not reason
     return recorder.recording(reason, finished=is_finished)
-
-
-def _reference(desired: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
-    """The planner's reference, without its velocity."""
-    x_d = desired[:3]
-    reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
-    if not pose:
-        return reference
-    R_d = from_quaternion(desired[3:])
-    return reference._replace(R_d=R_d, orientation_error=rotation_error(state.R, R_d))

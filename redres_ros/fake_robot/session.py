@@ -84,7 +84,7 @@ class Session:
             self.stop(fault)
             return
         self.timing.counts['bridged'] += self.commanding and self.timing.age > 0
-        if self.timing.silent:
+        if not self.timing.statistics['response_rate']:
             self._take(Event.SILENCE)
         elif self._is_long_good:
             self._take(Event.LONG_GOOD_TIMING)

@@ -63,11 +63,6 @@ class TimingMonitor:
             self.at_fault = breach
 
     @property
-    def silent(self) -> bool:
-        """Whether none of the last packets got a command."""
-        return self.statistics['response_rate'] == 0.0
-
-    @property
     def complaint(self) -> str:
         """The statistic at fault beside its bound, such as 'latency 9.1 ms, allowed 8 ms'."""
         name = self.at_fault

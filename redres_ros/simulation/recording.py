@@ -76,18 +76,18 @@ class Recording:
     pose: bool = False  # whether the task has orientations
 
     @property
-    def columns(self) -> tuple[str, ...]:
+    def _columns(self) -> tuple[str, ...]:
         return columns(self.n, self.pose)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """One column, (ticks,)."""
-        return self.data[:, self.columns.index(name)]
+        return self.data[:, self._columns.index(name)]
 
     def vectors(self, first: str) -> np.ndarray:
         """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d'
         give (ticks, 3).
         """
-        start = self.columns.index(first)
+        start = self._columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
     def peak(self, name: str) -> tuple[float, float]:
@@ -99,7 +99,7 @@ class Recording:
         """All rows with a heading, at full precision: reading them back gives the same bits. Raises
         FileError.
         """
-        heading = ','.join(self.columns)
+        heading = ','.join(self._columns)
         with writing(path):
             np.savetxt(path, self.data, '%.17g', delimiter=',', header=heading, comments='')
 
