@@ -81,6 +81,9 @@ class Demo:
         """
         try:
             with spun(lambda: GraphMonitor('demo', patience=_RESPONSE)) as monitor, self._running():
+                if self.page is not None:
+                    # While the nodes start: the Ctrl-C that ends a page would leave it half loaded.
+                    import_module('redres_ros.simulation.plots')
                 self._await_robot(monitor)
                 self._run_task(monitor, progress)
                 if self.duration:
@@ -195,8 +198,6 @@ class Demo:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
         self._log.close(monitor.samples)
         try:
-            # Load the plotting libraries now, not after Ctrl-C.
-            import_module('redres_ros.simulation.plots')
             while page.status() is None:
                 self._check_processes()
                 time.sleep(_LOOK)
