@@ -110,20 +110,13 @@ REFUSED = [
         "unknown limit 'speed'; allowed: acceleration, collision, end_speed, jerk, none, ",
     ),
     ('simulate --limits position,position', "limit 'position' is named twice; allowed: once"),
-    ('simulate --limits none,velocity', "unknown limit 'none'; allowed: "),
-    ('simulate --limits position --set position.margin=nan', 'position.margin is nan; allowed: '),
-    ('simulate --limit-scale 0 --limits velocity', 'limit_scale is 0.0; allowed: 0.001 to 1'),
     ('simulate --limit-scale 0.5', '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
     (
         'simulate --torque-scale 0.5 --limits velocity',
         '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
     ),
-    ('simulate --prefer comfort', "unknown preference 'comfort'; allowed: compliance, "),
     ('simulate --prefer posture=high', '--prefer posture=high; expected NAME=GAIN, such as '),
     ('simulate --prefer posture=-1', 'posture.gain is -1.0; allowed: 0 to '),
-    ('simulate --prefer posture posture=2', "preference 'posture' is named twice; allowed: once"),
-    ('simulate --secondary axis axis', "task 'axis' is named twice; allowed: once"),
-    ('simulate --secondary dance', "unknown task 'dance'; allowed: axis, "),
     (
         'simulate --set posture.gain=1',
         '--set posture.gain acts on the preference posture; in use: ',
@@ -138,16 +131,11 @@ REFUSED = [
     ('simulate --prefer posture --set posture.gain=high', "posture.gain is 'high'; allowed: "),
     ('simulate --dynamics rods', "unknown dynamics 'rods'; allowed: cylinders, identified"),
     ('simulate --damping nan', 'damping is nan; allowed: 0 to'),
-    ('simulate --damping 1001', 'damping is 1001.0; allowed: 0 to 1000'),
     ('simulate --period 0', 'T is 0.0; allowed: 1e-05 to 1'),
     ('simulate --switch-time -1', 'switch_time is -1.0; allowed: 0 to 60'),
-    ('demo --robot iiwa7 --tip hand', "unknown frame 'hand'; "),
     ('demo --prefer posture --set posture.target=[0]', '--set posture.target is not for'),
-    ('demo --law foo', "unknown law 'foo'; allowed: "),
     ('demo --damping 501', 'damping is 501.0; allowed: 0 to 500'),
     ('demo --period 0', 'period is 0.0; allowed: 0.0005'),
-    ('demo --period nan', 'period is nan; allowed: 0.0005'),
-    ('demo --task foo', "unknown task 'foo'; allowed: "),
     ('demo --out /dev/null/here', 'cannot write /dev/null/here/motion.csv: Not a directory'),
     ('demo --domain 500', 'ROS domain is 500 (--domain or ROS_DOMAIN_ID); allowed: 0 to 232'),
 ]
@@ -178,31 +166,27 @@ def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ('name', 'reason'),
-    [('.', 'Is a directory'), ('file/a.csv', 'File exists'), ('x' * 300, 'too long')],
+    ('line', 'blocked', 'reason'),
+    [
+        ('simulate --out file/a.csv', 'file/a.csv', 'File exists'),
+        (f'simulate --out {"x" * 300}', 'x' * 300, 'File name too long'),
+        ('compare --out .', 'comparison.png', 'Is a directory'),
+        ('demo --out .', 'sim.log', 'Is a directory'),
+    ],
+    ids=['under a file', 'too long', 'a plot', 'a log'],
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
-    short, tmp_path, capsys, name, reason
+    tmp_path, monkeypatch, capsys, line, blocked, reason
 ):
-    (tmp_path / 'file').write_text('')
-    assert main(['simulate', '--task', short, '--out', str(tmp_path / name)]) == 1
+    monkeypatch.chdir(tmp_path)
+    Path('file').write_text('')
+    Path('comparison.png').mkdir()
+    Path('sim.log').mkdir()
+    words = line.split()
+    assert main(words) == 1
     captured = capsys.readouterr()
-    assert captured.err.startswith(f'redres simulate: cannot write {tmp_path}')
-    assert reason in captured.err
+    assert captured.err == f'redres {words[0]}: cannot write {blocked}: {reason}\n'
     assert captured.out == ''
-
-
-@pytest.mark.parametrize(
-    ('command', 'name'),
-    [('compare', 'comparison.png'), ('demo', 'sim.log')],
-)
-def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
-    tmp_path, capsys, command, name
-):
-    (tmp_path / name).mkdir()
-    assert main([command, '--out', str(tmp_path)]) == 1
-    message = f'redres {command}: cannot write {tmp_path}/{name}: Is a directory\n'
-    assert capsys.readouterr().err == message
 
 
 @pytest.mark.parametrize(
@@ -213,12 +197,8 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         ('simulate --damping much', 'much'),
         ('simulate --view page', 'unknown: --view page; see redres simulate --help'),
         ('simulate --law=', 'got nothing for --law; expected a value'),
-        ('compare --out=', 'got nothing for --out; expected a value'),
-        ('demo --period fast', 'fast'),
-        ('watch --domain 1.5', '1.5'),
         (f'watch --namespace {"x" * 121}', 'of at most 120 characters'),
         ('check --states 1a', "got '1a'; expected names with / between them"),
-        ('check --states joint_states,', "got 'joint_states,'; expected names"),
     ],
 )
 def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, words, capsys):
@@ -261,7 +241,6 @@ def test_laws_lists_every_law_with_its_equation_every_gain_and_every_arm(capsys)
 
 
 COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'laws', 'watch')
-MOTIONS = ('simulate', 'compare', 'demo')
 
 
 def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
@@ -293,7 +272,7 @@ def test_every_command_has_examples_and_each_can_be_parsed():
 FIXED = '--law --damping --limits --limit-scale --torque-scale --prefer --secondary --set --robot'
 
 
-@pytest.mark.parametrize('command', MOTIONS)
+@pytest.mark.parametrize('command', ['simulate', 'compare', 'demo'])
 def test_every_motion_has_the_options_that_users_rely_on(command, capsys):
     shown = help_of(command, capsys)
     assert all(f'{option} ' in shown for option in [*FIXED.split(), '--tip', '--task'])
@@ -304,7 +283,6 @@ def test_every_motion_has_the_options_that_users_rely_on(command, capsys):
     [
         ('batch study.yaml', 'batch(cases)'),
         ('simulate --posture.gain 4', '--set posture.gain=VALUE'),
-        ('simulate --posture.gain=4', '--set posture.gain=VALUE'),
         ('demo --teleop', '--view'),
         ('compare --tasks 5', 'batch(cases)'),
         ('demo --switch minimum_velocity@1', 'param set'),
@@ -315,17 +293,10 @@ def test_what_is_gone_is_refused_with_what_to_write_instead(line, instead, capsy
         status = main(line.split())
     except SystemExit as caught:
         status = caught.code
-    said = capsys.readouterr().err
     assert status == 2
+    said = capsys.readouterr().err
     assert 'is gone; instead: ' in said and instead in said
     assert said.count('\n') == 1
-
-
-@pytest.mark.parametrize('command', COMMANDS)
-def test_a_command_has_at_most_25_options_beside_set(command):
-    [commands] = [a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction)]
-    options = {word for a in commands.choices[command]._actions for word in a.option_strings}
-    assert len(options - {'-h', '--help', '--set'}) <= 25
 
 
 # --- robots ---------------------------------------------------------------------------------------
@@ -372,7 +343,6 @@ def test_another_tip_gets_a_path_of_its_own(capsys):
     [
         ('simulate --task TASK', 'redres_ros.kernels.active_set', False),
         ('simulate --task TASK --limits velocity', 'redres_ros.kernels.active_set', True),
-        *((f'{command} --help', 'numba', False) for command in MOTIONS),
     ],
 )
 def test_a_command_loads_what_it_needs(short, line, module, is_loaded):

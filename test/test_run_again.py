@@ -1,5 +1,7 @@
 """A task runs again and again: joints go to its start first. The real nodes, in virtual time."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -46,12 +48,20 @@ def run_with_a_switch_and_a_hold(run: VirtualRun, law: str) -> None:
     run_once(run)
 
 
-def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold() -> None:
+@pytest.fixture
+def run() -> Iterator[VirtualRun]:
+    """A graph whose arm is where its task has ended."""
     with virtual_run() as run:
         run.run(0.5)
         run_once(run)
-        assert from_start(run) > 1.0  # this law leaves the posture in which it began
-        run_with_a_switch_and_a_hold(run, 'minimum_velocity')
+        yield run
+
+
+def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold(
+    run: VirtualRun,
+) -> None:
+    assert from_start(run) > 1.0  # this law leaves the posture in which it began
+    run_with_a_switch_and_a_hold(run, 'minimum_velocity')
 
 
 @pytest.mark.nightly
@@ -65,21 +75,18 @@ def test_every_task_runs_again_with_every_law_after_a_switch_and_a_hold(
         run_with_a_switch_and_a_hold(run, law)
 
 
-def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
-    with virtual_run() as run:
-        run.run(0.5)
-        run_once(run)
-        run.graph.kept['joint_command'] = []
-        response = run.graph.call('planner/home')
-        assert response.success
-        assert 'the joints go to its start' in response.message
-        run.run(0.5)
-        assert state(run) is TaskState.HOMING
-        assert run.run_until(lambda: state(run) is TaskState.FINISHED, 60.0)
-        assert from_start(run) < THERE
-        run.run(1.0)
-        model = RobotModel.named('lwr4_paper')
-        q = np.array([message.position for _, message in run.graph.kept['joint_command']])
+def test_home_takes_the_joints_to_the_start_within_their_limits(run: VirtualRun) -> None:
+    run.graph.kept['joint_command'] = []
+    response = run.graph.call('planner/home')
+    assert response.success
+    assert 'the joints go to its start' in response.message
+    run.run(0.5)
+    assert state(run) is TaskState.HOMING
+    assert run.run_until(lambda: state(run) is TaskState.FINISHED, 60.0)
+    assert from_start(run) < THERE
+    run.run(1.0)
+    model = RobotModel.named('lwr4_paper')
+    q = np.array([message.position for _, message in run.graph.kept['joint_command']])
     dq = np.diff(q, axis=0) * 100.0
     assert (np.abs(dq) <= model.dq_max * (1.0 + 1e-9)).all()
     A = np.array(model.arm.acceleration_limit)
@@ -87,45 +94,39 @@ def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
     assert not dq[-10:].any()
 
 
-def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
-    with virtual_run() as run:
-        run.run(0.5)
-        run_once(run)
-        run.graph.call('planner/home')
-        run.run(1.0)
-        response = run.graph.call('planner/stop')
-        assert 'comes to rest' in response.message
-        run.run(1.0)
-        q = run.nodes['sim']._robot.plant.q.copy()
-        run.run(1.0)
-        assert state(run) is TaskState.IDLE
-        assert from_start(run) > THERE
-        assert np.abs(run.nodes['sim']._robot.plant.q - q).max() < 1e-6
+def test_stop_on_the_way_home_brings_the_joints_to_rest(run: VirtualRun) -> None:
+    run.graph.call('planner/home')
+    run.run(1.0)
+    response = run.graph.call('planner/stop')
+    assert 'comes to rest' in response.message
+    run.run(1.0)
+    q = run.nodes['sim']._robot.plant.q.copy()
+    run.run(1.0)
+    assert state(run) is TaskState.IDLE
+    assert from_start(run) > THERE
+    assert np.abs(run.nodes['sim']._robot.plant.q - q).max() < 1e-6
 
 
-def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
+def test_an_obstacle_on_the_way_home_is_not_hit_and_named(run: VirtualRun) -> None:
     """A sphere where the tip would be half way; the motion is given up before it."""
     model = RobotModel.named('lwr4_paper')
-    with virtual_run() as run:
-        run.run(0.5)
-        run_once(run)
-        q = run.nodes['sim']._robot.plant.q.copy()
-        middle = (q + run.nodes['planner']._task.start) / 2.0
-        x, _ = model.tip(middle)
-        changes = {
-            'limits': ['position', 'velocity', 'acceleration', 'collision'],
-            'scene.obstacles': f'sphere {x[0]} {x[1]} {x[2]} 0.05',
-        }
-        assert run.set('controller', **changes)
-        run.run(0.5)
-        run.nodes['planner']._run.monitor.stuck_after = 1.0
-        run.nodes['planner']._run.monitor.give_up_after = 3.0
-        run.graph.call('planner/home')
-        nearest = np.inf
-        while state(run) not in (TaskState.STUCK, TaskState.FINISHED):
-            run.run(0.1)
-            tip, _ = model.tip(run.nodes['sim']._robot.plant.q)
-            nearest = min(nearest, float(np.linalg.norm(tip - x)))
-        assert state(run) is TaskState.STUCK
-        assert nearest > 0.05
-        assert any('no progress' in line and 'collision' in line for _, line in run.graph.log)
+    q = run.nodes['sim']._robot.plant.q.copy()
+    middle = (q + run.nodes['planner']._task.start) / 2.0
+    x, _ = model.tip(middle)
+    changes = {
+        'limits': ['position', 'velocity', 'acceleration', 'collision'],
+        'scene.obstacles': f'sphere {x[0]} {x[1]} {x[2]} 0.05',
+    }
+    assert run.set('controller', **changes)
+    run.run(0.5)
+    run.nodes['planner']._run.monitor.stuck_after = 1.0
+    run.nodes['planner']._run.monitor.give_up_after = 3.0
+    run.graph.call('planner/home')
+    nearest = np.inf
+    while state(run) not in (TaskState.STUCK, TaskState.FINISHED):
+        run.run(0.1)
+        tip, _ = model.tip(run.nodes['sim']._robot.plant.q)
+        nearest = min(nearest, float(np.linalg.norm(tip - x)))
+    assert state(run) is TaskState.STUCK
+    assert nearest > 0.05
+    assert any('no progress' in line and 'collision' in line for _, line in run.graph.log)
