@@ -188,7 +188,7 @@ def test_only_the_fake_robot_needs_mujoco_and_says_how_to_get_it(name: str) -> N
         )
     assert done.returncode == 1
     needs_it = name in ('sim', 'composed')
-    expected = 'needs mujoco, which is not installed; install it with: pip install mujoco'
+    expected = 'the package mujoco is not installed; install it with: pip install mujoco'
     assert (expected in done.stderr) is needs_it, done.stderr
 
 

@@ -125,8 +125,6 @@ def _complain(line: str) -> None:
             sys.stdout.flush()
     except OSError:
         _let_go_of(sys.stdout)
-    if sys.stderr is None:  # as it is when the process was started without one
-        return
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
@@ -149,22 +147,14 @@ def make_parser() -> 'Parser':
     version = package.partition('<version>')[2].partition('<')[0]
     description = 'Redundancy resolution for arms behind a position interface.'
     parser = Parser(prog='redres', description=description)
-    parser.add_argument(
-        '--version',
-        action='version',
-        version=f'redres_ros {version}',
-        help='print the version, and exit',
-    )
+    prints = 'print the version, and exit'
+    parser.add_argument('--version', action='version', version=f'redres_ros {version}', help=prints)
     subparsers = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'
     )
     for module in (demo, simulate, commands):
         module.add(subparsers)
+    plugin = 'a Python file with your own laws, preferences, tasks or limits; it is executed'
     for subparser in subparsers.choices.values():
-        subparser.add_argument(
-            '--plugin',
-            action='append',
-            metavar='FILE.py',
-            help='a Python file with your own laws, preferences, tasks or limits; it is executed',
-        )
+        subparser.add_argument('--plugin', action='append', metavar='FILE.py', help=plugin)
     return parser

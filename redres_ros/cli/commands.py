@@ -5,7 +5,7 @@ import inspect
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from redres_ros.cli.options import (
     DURATIONS,
@@ -18,9 +18,6 @@ from redres_ros.cli.options import (
     read_settings,
 )
 from redres_ros.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from redres_ros.parameter import Gain
 
 _PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
 
@@ -120,7 +117,7 @@ def _laws(options: argparse.Namespace) -> int:
     from redres_ros.tasks import TASKS
 
     shown = []
-    gains: dict[str, Gain] = {}
+    gains: dict[str, Any] = {}
     for table in (LAWS, PREFERENCES, TASKS, LIMITS):
         rows = []
         for name, cls in table.items():
@@ -191,13 +188,11 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
 
     check_range('rate', options.rate, (*RATES, 'Hz'))
-    expected = None
-    if options.robot is not None:
-        expected = ExpectedArm(options.robot, options.tip, options.rate)
+    arm = ExpectedArm(options.robot, options.tip, options.rate) if options.robot else None
     make = partial(SnapshotNode, options.namespace, options.states)
     with spun(make, options.domain) as node:
         seen = node.look(options.duration)
-    verdicts = judge(seen, expected)
+    verdicts = judge(seen, arm)
     for verdict in verdicts:
         print(verdict)
     faults = sum(verdict.level is Level.FAULT for verdict in verdicts)

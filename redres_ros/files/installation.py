@@ -12,7 +12,6 @@ _PACKAGES = {
     'rclpy': "'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces",
     'yaml': 'PyYAML',
 }
-_FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
 # In package.xml. pip would bring another numpy than the one that the distribution's packages take.
 _BY_ROSDEP = {'matplotlib', 'numba', 'numpy', 'pinocchio', 'rich', 'scipy', 'yaml'}
@@ -40,8 +39,7 @@ def share_path(relative: str) -> Path:
 
 def not_installed(module: str) -> str:
     """One line on a module that is missing, and how to get it."""
-    what = _FOR.get(module, f'the package {module}')
-    return f'{what} is not installed; install it with: {remedy(module)}'
+    return f'the package {module} is not installed; install it with: {remedy(module)}'
 
 
 def remedy(module: str) -> str:

@@ -49,7 +49,7 @@ class GraphClient:
         if not client.wait_for_service(timeout_sec=self._patience):
             raise CallError(
                 f'no node offers the service {client.srv_name}; '
-                f'is its node running in ROS domain {self._domain()}?'
+                f'is its node running in ROS domain {self._node.context.get_domain_id()}?'
             )
         begun = time.monotonic()
         futures: list[Future] = []
@@ -113,7 +113,7 @@ class GraphClient:
         while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
                 raise CallError(
-                    f'no {" and no ".join(missing)} in ROS domain {self._domain()}; '
+                    f'no {" and no ".join(missing)} in ROS domain {self._node.context.get_domain_id()}; '
                     'start them, for example with `redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )
@@ -126,6 +126,3 @@ class GraphClient:
             if service not in self._clients:
                 self._clients[service] = self._node.create_client(kind, service)
             return self._clients[service]
-
-    def _domain(self) -> int:
-        return int(self._node.context.get_domain_id())

@@ -1,6 +1,4 @@
-"""A running graph from outside: its nodes' newest messages, health, parameters and services, and
-the state of the arm.
-"""
+"""A running graph from outside: its nodes' newest messages and health, and the state of the arm."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -101,13 +99,10 @@ class Sampler:
 
     def newest(self, topic: str) -> Any:
         """The newest message of a topic since the last call; None if there is none."""
-        taken = self.take(topic)
-        if not taken:
-            return None
-        try:
-            return deserialised(taken[-1].data, self._subscriptions[topic].msg_type)
-        except EncodingError:
-            return None
+        for sample in self.take(topic)[-1:]:
+            with suppress(EncodingError):
+                return deserialised(sample.data, self._subscriptions[topic].msg_type)
+        return None
 
     def close(self) -> None:
         """Release the subscriptions."""

@@ -28,8 +28,9 @@ from redres_ros.view.teleoperation import Teleoperation
 _NICENESS = 10  # with few processors, observers must wait for the nodes
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
-_PLOTTED = 15.0  # [s]
-_TRACED = 20.0  # [s]
+_PLOTTED = 15  # [s]
+_TRACED = 20  # [s]
+_SNAPSHOTS = 1_000_000_000 // PERIOD  # in a second
 _WALLS = ('limits', 'scene.')  # parameters of what is drawn
 
 
@@ -58,9 +59,9 @@ class _Page:
         add_controls(server.gui, self._bindings)
         server.gui.main_panel.dock_right()
         self._show_walls()
-        self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
+        self._figures: deque[Figures] = deque(maxlen=_PLOTTED * _SNAPSHOTS)
         self._paths: dict[str, deque[np.ndarray]] = {
-            name: deque(maxlen=_snapshots_in(_TRACED)) for name in self._scene.traced(self._arm.q)
+            name: deque(maxlen=_TRACED * _SNAPSHOTS) for name in self._scene.traced(self._arm.q)
         }
         monitor.on_parameters = self._on_parameters
 
@@ -86,7 +87,7 @@ class _Page:
             self._state = gui.add_html('')
             with gui.add_folder('joint positions, active limits'):
                 self._bars = gui.add_html('')
-            with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
+            with gui.add_folder(f'the last {_PLOTTED} seconds'):
                 self._plots = Plots(gui)
         seen.dock_left()
 
@@ -128,11 +129,6 @@ class _Page:
         self._bindings.show(node, values)
         if node == 'controller' and any(name.startswith(_WALLS) for name in values):
             self._show_walls()
-
-
-def _snapshots_in(seconds: float) -> int:
-    """How many come in a time [s]."""
-    return round(1e9 * seconds / PERIOD)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.publisher import Publisher
 from std_srvs.srv import Trigger
 
-from redres_ros.errors import RedresError
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.topics import MODE, PUBLISH, REASON, STEADY
@@ -32,10 +31,6 @@ _HINTS = {
     'mirroring': 'the robot takes no commands at present',
     'holding': 'the controller holds: "resume" lets it go on',
 }
-
-
-class _BeatError(RedresError):
-    """A message that is none of the page's script."""
 
 
 class _Beat(NamedTuple):
@@ -107,7 +102,7 @@ class Teleoperation:
                 if text != shown:
                     shown = text
                     await connection.send(json.dumps({'text': text}))
-        except _BeatError as error:
+        except ValueError as error:
             await connection.close(_RULE_BROKEN, str(error))
         finally:
             self._switch.release(connection)
@@ -152,16 +147,13 @@ class Teleoperation:
 def _read_beat(message: str | bytes) -> np.ndarray | None:
     """The direction in a message of the page's script; None if the switch was let go.
 
-    Raises _BeatError.
+    Raises ValueError for any other message.
     """
-    try:
-        values = json.loads(message[:_LONGEST])
-    except ValueError:
-        raise _BeatError('no JSON; expected null or 6 numbers') from None
+    values = json.loads(message[:_LONGEST])
     if values is None:
         return None
     if not isinstance(values, list) or len(values) != 6:
-        raise _BeatError('expected null or 6 numbers')
+        raise ValueError('expected null or 6 numbers')
     if not all(type(value) in (int, float) and abs(value) <= 1.0 for value in values):
-        raise _BeatError('expected numbers from -1 to 1')
+        raise ValueError('expected numbers from -1 to 1')
     return np.array(values, dtype=float)
