@@ -113,8 +113,9 @@ class GraphClient:
         while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
                 raise CallError(
-                    f'no {" and no ".join(missing)} in ROS domain {self._node.context.get_domain_id()}; '
-                    'start them, for example with `redres demo`, which prints its domain, '
+                    f'no {" and no ".join(missing)} in ROS domain '
+                    f'{self._node.context.get_domain_id()}; start them, for example with '
+                    '`redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )
             if stopped.wait(_GRAPH_LOOK):
