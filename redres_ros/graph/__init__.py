@@ -1,1 +1,1 @@
-"""A running graph from outside: observe its nodes, query them, steer them, record them."""
+"""A running graph from outside: observe its nodes, query them, steer them."""

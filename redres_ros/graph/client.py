@@ -112,11 +112,10 @@ class GraphClient:
         until = time.monotonic() + patience
         while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
+                domain = self._node.context.get_domain_id()
                 raise CallError(
-                    f'no {" and no ".join(missing)} in ROS domain '
-                    f'{self._node.context.get_domain_id()}; start them, for example with '
-                    '`redres demo`, which prints its domain, '
-                    'or name another with --domain'
+                    f'no {" and no ".join(missing)} in ROS domain {domain}; start them, '
+                    'for example with `redres demo`, which prints its domain, or name another with --domain'
                 )
             if stopped.wait(_GRAPH_LOOK):
                 return False

@@ -1,1 +1,1 @@
-"""A page in the browser that shows a running graph and steers it, and films of recorded runs."""
+"""A page in the browser that shows a running graph and steers it."""

@@ -74,7 +74,7 @@ def _bar(fraction: float) -> str:
     colour = '#d62728' if is_near_an_end(fraction) else '#1f77b4'
     return (
         f'<input type="range" inert min="0" max="1" step="any" value="{fraction:.3f}" '
-        f'style="width: 100%; accent-color: {colour};">'
+        f'style="width: 100%; height: 12px; accent-color: {colour};">'
     )
 
 
