@@ -115,7 +115,7 @@ class GraphClient:
                 domain = self._node.context.get_domain_id()
                 raise CallError(
                     f'no {" and no ".join(missing)} in ROS domain {domain}; start them, '
-                    'for example with `redres demo`, which prints its domain, or name another with --domain'
+                    'as `redres demo` does, which prints its domain, or name another with --domain'
                 )
             if stopped.wait(_GRAPH_LOOK):
                 return False
