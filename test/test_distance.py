@@ -14,7 +14,7 @@ from redres_ros import Command, Controller, RobotModel
 from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.limits import make_limits
 from redres_ros.limits.distance import CollisionLimit, DistanceLimit, WorkspaceLimit
-from redres_ros.limits.scene import OBSTACLES, WALLS, Shape, read_shapes
+from redres_ros.limits.scene import OBSTACLES, WALLS, read_shapes
 from redres_ros.robots import ARMS, Arm
 
 T = 0.002  # [s]
@@ -35,7 +35,7 @@ def scene_of(**shapes: object) -> str:
     """A text of shapes: of each kind one, or several."""
     found = []
     for kind, numbers in shapes.items():
-        found += [str(Shape(kind, tuple(row.tolist()))) for row in np.atleast_2d(numbers)]
+        found += [' '.join((kind, *map(repr, row.tolist()))) for row in np.atleast_2d(numbers)]
     return '; '.join(found)
 
 
@@ -120,7 +120,7 @@ def test_an_arm_has_pairs_that_are_clear_where_it_starts_and_none_that_nothing_m
     assert len(limit.bodies.pairs(limit.influence)) >= 3
     _, distances, _ = colliding(arm).approaches(start_of(limit.model), FARTHEST)
     assert (distances > CLEARANCE).all()
-    fixed = limit._scene.moved_by < 0
+    fixed = limit._scene.bodies['moved_by'] < 0
     one, other = limit._scene.pairs.T
     assert not (fixed[one] & ((other < 0) | fixed[other])).any()
 

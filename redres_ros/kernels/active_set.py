@@ -225,19 +225,48 @@ def _step(search: _Search, begin: int, end: int) -> None:
             p[j] += t[k] * Q[count + k, j]
 
 
+@part
+def _step_across(search: _Search, begin: int) -> None:
+    """As `_step` for A = I, where p is what the basis leaves of a - dq: in a fifth of the time, and
+    where many limits act, this step is made ten times a tick.
+    """
+    p = search.p
+    Q = search.Q
+    d = search.marks[_COUNT, _VARIABLES]
+    before = 0.0
+    for j in range(d):
+        p[j] = search.values[_DESIRED, begin + j] - search.z[j] if j < search.n else 0.0
+        before += p[j] ** 2
+    for _ in range(2):  # once more, for rounding
+        for k in range(search.marks[_COUNT, _BASIS]):
+            along = _dot(Q, k, p, d)
+            for j in range(d):
+                p[j] -= along * Q[k, j]
+    after = 0.0
+    for j in range(d):
+        after += p[j] ** 2
+    if after <= _DEPENDENT**2 * before:
+        for j in range(d):
+            p[j] = 0.0
+
+
 # --- one level ------------------------------------------------------------------------------------
 
 
 @part
-def _solve_level(search: _Search, begin: int, end: int) -> None:
+def _solve_level(search: _Search, begin: int, end: int, is_plain: bool) -> None:
     """Move z to the least |A z - a| of a level, rows A from `begin` to `end`, within the limits.
 
-    These rows and the limits that are then tight in every optimum are fixed; others stay held.
+    These rows and the limits that are then tight in every optimum are fixed; others stay held. It
+    is plain if A = I.
     """
     marks = search.marks
     tight = np.inf
     for _ in range(_MAX_STEPS):
-        _step(search, begin, end)
+        if is_plain:
+            _step_across(search, begin)
+        else:
+            _step(search, begin, end)
         i, along = _advance(search)
         if marks[_STATE, i] == _FREE:
             _hold(search, i, along)
@@ -569,22 +598,22 @@ def hierarchical_qp(
     excess = 0.0
     for count in groups:
         if _open_slack(search, begin, count, last):
-            _solve_level(search, last, last + count)
+            _solve_level(search, last, last + count, False)
             excess += _close_slack(search, begin, count, last)
         begin += count
     error = 0.0
     for k, count in enumerate(tasks):
-        _solve_level(search, begin, begin + count)
+        _solve_level(search, begin, begin + count, False)
         if k == 0:
             for i in range(begin, begin + count):
                 error += _dot(rows, i, z, n + 1) ** 2
-            _solve_level(search, n, n + 1)  # s = 1
+            _solve_level(search, n, n + 1, False)  # s = 1
         begin += count
     for i in range(n):
         for j in range(n):
             rows[last + i, j] = F[i, j] if len(F) else rows[i, j]
             search.values[_DESIRED, last + i] += rows[last + i, j] * dq_free[j]
-    _solve_level(search, last, last + n)
+    _solve_level(search, last, last + n, len(F) == 0)
 
     total = error + excess + z[n]
     for i in range(n):

@@ -5,17 +5,11 @@ A body is a capsule: all points within a radius of a line segment. Its distance 
 that of their segments, less the radii; the closest points are where the segments are nearest. A
 body that is to keep away from boxes and spheres of `walls` is a point: both ends are the same.
 
-The arrays that say what there is, the scene, are the last arguments of `approaches` and
-`least_on_path`. As one object they would take half as long again: numba counts the references to
-each member wherever it is read.
+The scene that `approaches` and `least_on_path` take is four arrays. As one object they would take
+half as long again: numba counts the references to each member wherever it is read.
 
-    before          (n, 4, 4) from the frame that a joint's parent moves to the joint's
-    axes            of the joints, (n, 3) unit vectors in the joint's frame
-    is_prismatic    (n,)
-    parents         index of the joint before each, (n,); BASE: there is none
-    moved_by        the last joint that moves each body, (B,); BASE for one that stands still
-    ends            of the bodies' axes, in the frame that this joint moves, (B, 2, 3) [m]
-    radius          of the bodies, (B,) [m]
+    joints          (n,) of JOINT
+    bodies          (B,) of BODY
     pairs           what may collide, (P, 2): a body, and another one, or -1 - w for wall w
     walls           (W, 7): a kind, and its numbers: n and d of a half-space n' x <= d; least and
                     largest x, y, z of a box to stay out of; centre, radius and side of a sphere,
@@ -28,7 +22,7 @@ Everything is written in scalars: numba compiles one expression of arrays as lon
 """
 
 import numpy as np
-from numba import boolean, float64, int64
+from numba import float64, from_dtype, int64
 
 from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
 
@@ -48,14 +42,27 @@ _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a 
 _WEIGHT = 1000.0
 _INSIDE = 1e-6  # [m] beyond its clearance a pair is too near by more than rounding
 
+JOINT = np.dtype(
+    [
+        ('before', float, (4, 4)),  # from the frame that the joint's parent moves to the joint's
+        ('axis', float, 3),  # unit vector in the joint's frame
+        ('is_prismatic', bool),
+        ('parent', np.int64),  # index of the joint before it; BASE: there is none
+    ],
+    align=True,
+)
+BODY = np.dtype(
+    [
+        ('moved_by', np.int64),  # the last joint that moves it; BASE for one that stands still
+        ('ends', float, (2, 3)),  # of its axis, in the frame that this joint moves [m]
+        ('radius', float),  # [m]
+    ]
+)
+
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
 _PAIRS = int64[:, ::1]
-_POINTS = float64[:, :, ::1]
-_SCENE = (
-    *(_POINTS, _ROWS, boolean[::1], int64[::1]),
-    *(int64[::1], _POINTS, _VECTOR, _PAIRS, _ROWS),
-)
+_SCENE = from_dtype(JOINT)[::1], from_dtype(BODY)[::1], _PAIRS, _ROWS
 
 
 @part
@@ -155,7 +162,7 @@ def _to_wall(
 @part
 def _distance(
     points: np.ndarray,
-    radius: np.ndarray,
+    bodies: np.ndarray,
     walls: np.ndarray,
     i: int,
     j: int,
@@ -168,7 +175,7 @@ def _distance(
     from i to j; zeros if there is none.
     """
     if j < 0:
-        return _to_wall(points, i, walls[-1 - j], at, normal) - radius[i]
+        return _to_wall(points, i, walls[-1 - j], at, normal) - bodies[i].radius
     _nearest_points(points, i, j, at)
     square = 0.0
     for c in range(3):
@@ -177,7 +184,7 @@ def _distance(
     length = np.sqrt(square)
     for c in range(3):
         normal[c] = normal[c] / length if square > _NOTHING else 0.0
-    return float(length - radius[i] - radius[j])
+    return float(length - bodies[i].radius - bodies[j].radius)
 
 
 @part
@@ -200,12 +207,8 @@ def _turn(R: np.ndarray, axis: np.ndarray, angle: float) -> None:
 @part
 def _place(
     q: np.ndarray,
-    before: np.ndarray,
-    axes: np.ndarray,
-    is_prismatic: np.ndarray,
-    parents: np.ndarray,
-    moved_by: np.ndarray,
-    ends: np.ndarray,
+    joints: np.ndarray,
+    bodies: np.ndarray,
     frames: np.ndarray,
     lines: np.ndarray,
     points: np.ndarray,
@@ -221,72 +224,70 @@ def _place(
         for j in range(4):
             frames[n, i, j] = 1.0 if i == j else 0.0
     for k in range(n):
-        parent = frames[parents[k]]  # the base's is the last one, at BASE
+        joint = joints[k]
+        before = joint.before
+        axis = joint.axis
+        parent = frames[joint.parent]  # the base's is the last one, at BASE
         H = frames[k]
         for i in range(3):
             for j in range(4):
                 H[i, j] = parent[i, 3] if j == 3 else 0.0
                 for c in range(3):
-                    H[i, j] += parent[i, c] * before[k, c, j]
+                    H[i, j] += parent[i, c] * before[c, j]
         for i in range(3):
             lines[k, 0, i] = H[i, 3]
             lines[k, 1, i] = 0.0
             for c in range(3):
-                lines[k, 1, i] += H[i, c] * axes[k, c]
-            if is_prismatic[k]:
+                lines[k, 1, i] += H[i, c] * axis[c]
+            if joint.is_prismatic:
                 H[i, 3] += q[k] * lines[k, 1, i]
-        if not is_prismatic[k]:
-            _turn(H, axes[k], q[k])
-    for i in range(len(ends)):
-        H = frames[moved_by[i]]
+        if not joint.is_prismatic:
+            _turn(H, axis, q[k])
+    for i in range(len(bodies)):
+        ends = bodies[i].ends
+        H = frames[bodies[i].moved_by]
         for end in range(2):
             for c in range(3):
                 points[i, end, c] = H[c, 3]
                 for j in range(3):
-                    points[i, end, c] += H[c, j] * ends[i, end, j]
+                    points[i, end, c] += H[c, j] * ends[end, j]
 
 
 @part
 def _add_motion(
     row: np.ndarray,
     lines: np.ndarray,
-    is_prismatic: np.ndarray,
-    parents: np.ndarray,
-    joint: int,
+    joints: np.ndarray,
+    last: int,
     normal: np.ndarray,
     p: np.ndarray,
     sign: float,
 ) -> None:
     """Add to row (n,) how fast the joints move a point along a normal: row dq [m/s].
 
-    A joint with the axis z through o moves p by z x (p - o), a prismatic one by z. `joint` is the
-    last one that moves the point, `sign` -1 for what is subtracted.
+    A joint with the axis z through o moves p by z x (p - o), a prismatic one by z. `last` is
+    the last one that moves the point, `sign` -1 for what is subtracted.
     """
-    k = joint
+    k = last
     while k != BASE:
         for a in range(3):
             b = (a + 1) % 3
             c = (a + 2) % 3
             z = sign * lines[k, 1, a]
-            if is_prismatic[k]:
+            if joints[k].is_prismatic:
                 row[k] += z * normal[a]
             else:
                 row[k] += z * (p[b] - lines[k, 0, b]) * normal[c]
                 row[k] -= z * (p[c] - lines[k, 0, c]) * normal[b]
-        k = parents[k]
+        k = joints[k].parent
 
 
 @compiled(several(float64[:, ::1], float64[::1], int64[:, ::1])(vector(), float64, *_SCENE))
 def approaches(
     q: np.ndarray,
     reach: float,
-    before: np.ndarray,
-    axes: np.ndarray,
-    is_prismatic: np.ndarray,
-    parents: np.ndarray,
-    moved_by: np.ndarray,
-    ends: np.ndarray,
-    radius: np.ndarray,
+    joints: np.ndarray,
+    bodies: np.ndarray,
     pairs: np.ndarray,
     walls: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -299,8 +300,8 @@ def approaches(
     n = len(q)
     frames = np.empty((n + 1, 3, 4))
     lines = np.empty((n, 2, 3))
-    points = np.empty((len(ends), 2, 3))
-    _place(q, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
+    points = np.empty((len(bodies), 2, 3))
+    _place(q, joints, bodies, frames, lines, points)
     at = np.empty((2, 3))
     normal = np.empty(3)
     C = np.empty((len(pairs), n))
@@ -310,15 +311,15 @@ def approaches(
     for pair in range(len(pairs)):
         i = pairs[pair, 0]
         j = pairs[pair, 1]
-        distance[count] = _distance(points, radius, walls, i, j, at, normal)
+        distance[count] = _distance(points, bodies, walls, i, j, at, normal)
         if not distance[count] < reach:
             continue
         row = C[count]
         for k in range(n):
             row[k] = 0.0
-        _add_motion(row, lines, is_prismatic, parents, moved_by[i], normal, at[0], 1.0)
+        _add_motion(row, lines, joints, bodies[i].moved_by, normal, at[0], 1.0)
         if j >= 0:
-            _add_motion(row, lines, is_prismatic, parents, moved_by[j], normal, at[1], -1.0)
+            _add_motion(row, lines, joints, bodies[j].moved_by, normal, at[1], -1.0)
         square = 0.0
         for k in range(n):
             square += row[k] * row[k]
@@ -344,13 +345,8 @@ def least_on_path(
     max_point_jacobian: np.ndarray,
     step: int,
     enough: float,
-    before: np.ndarray,
-    axes: np.ndarray,
-    is_prismatic: np.ndarray,
-    parents: np.ndarray,
-    moved_by: np.ndarray,
-    ends: np.ndarray,
-    radius: np.ndarray,
+    joints: np.ndarray,
+    bodies: np.ndarray,
     pairs: np.ndarray,
     walls: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -368,7 +364,7 @@ def least_on_path(
     n = len(q)
     frames = np.empty((n + 1, 3, 4))
     lines = np.empty((n, 2, 3))
-    points = np.empty((len(ends), 2, 3))
+    points = np.empty((len(bodies), 2, 3))
     at = np.empty((2, 3))
     normal = np.empty(3)
     ahead = np.empty(n)
@@ -390,12 +386,12 @@ def least_on_path(
             moving = min(tick, 1.0 + np.floor(speed / (A[k] * T)))
             moved = gap * T * moving * (speed - A[k] * T * (moving - 1.0) / 2.0)
             ahead[k] = q[k] + (moved if dq[k] > 0.0 else -moved)
-        _place(ahead, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
+        _place(ahead, joints, bodies, frames, lines, points)
         nearest = np.inf
         for pair in range(len(pairs)):
             if not path <= far[pair]:
                 i = pairs[pair, 0]
-                distance = _distance(points, radius, walls, i, pairs[pair, 1], at, normal)
+                distance = _distance(points, bodies, walls, i, pairs[pair, 1], at, normal)
                 far[pair] = path + distance - enough
                 if distance < least[pair]:
                     least[pair] = distance

@@ -53,13 +53,8 @@ class _Place(NamedTuple):
 class _Scene(NamedTuple):
     """What moves and what it may collide with, as kernels/distances.py describes these arrays."""
 
-    before: np.ndarray
-    axes: np.ndarray
-    is_prismatic: np.ndarray
-    parents: np.ndarray
-    moved_by: np.ndarray
-    ends: np.ndarray
-    radius: np.ndarray
+    joints: np.ndarray
+    bodies: np.ndarray
     pairs: np.ndarray
     walls: np.ndarray
 
@@ -76,21 +71,19 @@ class _Scene(NamedTuple):
         """A scene of bodies that these joints move, without pairs that no joint brings nearer, such
         as a base that stands on the floor.
         """
-        joints = kinematics.joints
+        kernels = _kernels()
+        joints = [
+            (each.before, each.axis, each.is_prismatic, each.parent) for each in kinematics.joints
+        ]
         every = cls(
-            np.array([joint.before for joint in joints]),
-            np.array([joint.axis for joint in joints]),
-            np.array([joint.is_prismatic for joint in joints]),
-            np.array([joint.parent for joint in joints], np.int64),
-            np.array(moved_by, np.int64),
-            np.ascontiguousarray(ends, np.float64),
-            np.ascontiguousarray(radius, np.float64),
+            np.array(joints, kernels.JOINT),
+            np.array([*zip(moved_by, ends, radius, strict=True)], kernels.BODY),
             np.array(pairs, np.int64).reshape(-1, 2),
             np.array(walls, np.float64).reshape(-1, 7),
         )
         changed: set[tuple[int, int]] = set()
         for q in np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, kinematics.n)):
-            _, _, who = _kernels().approaches(q, np.inf, *every)
+            _, _, who = kernels.approaches(q, np.inf, *every)
             changed.update(map(tuple, who.tolist()))
         kept = [tuple(pair) in changed for pair in every.pairs.tolist()]
         return every._replace(pairs=every.pairs[kept])

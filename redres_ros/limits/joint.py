@@ -208,11 +208,15 @@ class TorqueLimit(Limit):
                     'the torque limit needs one above zero'
                 )
 
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        return self.scale * np.array((-self.model.tau_max, self.model.tau_max))
+
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
-        tau_max = self.scale * self.model.tau_max
-        return C, -tau_max - rest, tau_max - rest
+        low, high = self._ends - rest
+        return C, low, high
 
 
 def _check_positive(what: str, unit: str, given: tuple[float, ...], limit: Limit) -> None:
