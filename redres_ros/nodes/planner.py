@@ -221,7 +221,7 @@ class PlannerNode(ManagedNode):
         if self._run.is_running:
             raise GoalError('a task is running; planner/stop ends it')
         self._begin_goal(self._goals.home())
-        return self._announced_home(q) or 'the joints are at its start already'
+        return self._announced_home(q).removesuffix('; ') or 'the joints are at its start already'
 
     def _announced_home(self, q: JointPositions) -> str:
         """Describes the motion from q to the start of the task; empty at the start."""
