@@ -145,13 +145,14 @@ class TwistBuffer:
         self._played = cycle
         sampled = cycle - self._lag
         expected = self._predicted(sampled) if self._guesses else self._dx
-        before = self._sampled
+        is_new = False
         for known in sorted(self._twists):
             if known <= sampled:
                 self._take(known)
+                is_new = True
         is_guess = self._sampled is not None and self._sampled != sampled
         target = self._predicted(sampled) if is_guess else self._dx
-        if self._sampled != before:
+        if is_new:
             jump = expected - target
             spread = self._intervals[-1] if self._intervals else 0
             if self._is_dense:
