@@ -104,7 +104,8 @@ def solve_components(
             fractions = np.array([component.fraction(dq_prev) for component in components])
             executing = 1.0 + (_LEAD - 1.0) * fractions
             order = np.argsort(-executing * lengths, kind='stable')
-            dq = dq + weight * (_alone(problem, steady, components, order, dq) - dq)
+            mixed = dq + weight * (_alone(problem, steady, components, order, dq) - dq)
+            dq = np.clip(mixed, *box)  # the rounding of the mixture
     solved = whole.solved and executed.solved
     scaling = tuple(component.fraction(dq) for component in components)
     return replace(whole, dq=dq, solved=solved, component_scaling=scaling)
