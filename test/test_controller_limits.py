@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from nightly import NIGHTLY
 
-from redres_ros import (
-    LAWS,
-    Controller,
-    RobotModel,
-    WaypointTask,
-    make_law,
-)
+from redres_ros import LAWS, Controller, RobotModel, WaypointTask, make_law
 from redres_ros.command import Published
 from redres_ros.errors import DivergedError, UnknownNameError
 
@@ -30,9 +24,6 @@ def controller_of(
     model: RobotModel, law: str = 'minimum_velocity', **options: object
 ) -> Controller:
     return Controller(model, make_law(law), T, **options)
-
-
-# --- what is kept ---------------------------------------------------------------------------------
 
 
 def test_torque_limits_are_kept_through_a_velocity(task):
@@ -55,9 +46,6 @@ def test_limits_look_from_the_reference_that_is_integrated(model, task):
         command = controller.update(task.start, np.array((0.0, 0.0, -2.0)))
         assert (command.q_ref <= model.q_max).all()
         assert (command.q_ref >= model.q_min).all()
-
-
-# --- holding --------------------------------------------------------------------------------------
 
 
 def underway(
@@ -99,9 +87,6 @@ def test_resume_begins_at_once_during_a_hold(model, task):
         assert np.linalg.norm(command.ddq) < 5.0
         q = command.q_ref
     assert command.J @ command.dq == pytest.approx(DX, abs=1e-12)
-
-
-# --- live -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('limits', [(), ('velocity',), ('position', 'velocity')])
@@ -168,9 +153,6 @@ def test_what_a_singularity_blocks_is_reported_throughout_a_start_and_a_switch(l
     assert fractions[9:] == pytest.approx(np.ones(21))
 
 
-# --- recovery -------------------------------------------------------------------------------------
-
-
 def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
     """Least torque flings the stretched arm; the controller must not stay locked."""
     controller = controller_of(model, 'minimum_torque')
@@ -201,9 +183,6 @@ def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothi
         with pytest.raises(DivergedError, match='allowed: up to 10000; the reason is dx'):
             controller.update(task.start, np.array((1e9, 0.0, 0.0)))
         assert (controller.update(task.start, DX).dq == calm.update(task.start, DX).dq).all()
-
-
-# --- whatever changes -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('interface', ['fri', 'fci', 'ros2_control'])
