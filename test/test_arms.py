@@ -1,6 +1,5 @@
 """What holds for every arm of the table: a further row is tested by these without another word."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +7,7 @@ import pytest
 from nightly import by_day
 from reference_model import assert_libraries_agree
 
-from redres_ros import (
-    Controller,
-    RobotModel,
-    load_task,
-    make_law,
-)
+from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.errors import ArrayError
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.robots import ARMS, find_arm
@@ -24,9 +18,6 @@ from redres_ros.simulation.closed_loop import run
 T = 0.004  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
-
-
-# --- geometry -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -64,9 +55,6 @@ def test_joints_are_named_as_by_the_arms_driver(name, joint_names):
     assert list(RobotModel.named(name).joint_names) == joint_names
 
 
-# --- dynamics -------------------------------------------------------------------------------------
-
-
 @EVERY_ARM
 @EVERY_DYNAMICS
 def test_pinocchio_and_mujoco_agree(name, dynamics):
@@ -82,9 +70,6 @@ def test_the_simulated_arm_stands_at_its_start(name):
         plant.step(start)
     # Gravity is compensated within the effort limits: what is left is rounding.
     assert np.abs(plant.q - start).max() < 1e-9
-
-
-# --- start and task -------------------------------------------------------------------------------
 
 
 @EVERY_ARM
@@ -143,9 +128,6 @@ def test_a_default_task_is_finished_in_its_time_within_the_limits(name, task, la
     assert (np.abs(ddq) < limits.acceleration).all()
 
 
-# --- another tip ----------------------------------------------------------------------------------
-
-
 def test_with_a_tip_nearer_to_the_base_the_joints_beyond_it_are_held():
     arm = find_arm('lwr4', tip_frame='link_5')
     model = RobotModel(arm)
@@ -161,13 +143,3 @@ def test_figures_for_other_joints_are_refused_by_name():
     arm = replace(ARMS['planar4r'], rotor_inertia=(1.0, 2.0))
     with pytest.raises(ArrayError, match=r'rotor_inertia has 2 values; .*: joint_1, joint_2'):
         RobotModel(arm)
-
-
-# --- files ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize('name', ['iiwa7', 'fr3', 'gen3', 'planar4r'])
-def test_the_head_of_a_file_names_sources_and_licences(name):
-    head = ARMS[name].urdf.split('-->')[0]
-    assert 'Our own file' in head
-    assert re.search(r'\((Apache-2\.0|BSD-3-Clause)\)|our own arm', head)

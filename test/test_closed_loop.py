@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from doubles import LateArm
 
-from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
+from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
@@ -30,13 +30,6 @@ def simulated(law: str, T: float, k_d: float = K_D) -> Recording:
         Controller(MODEL, make_law(law, damping=1.0 / T if k_d == FORGETFUL else k_d), T), TASK
     )
 
-
-def one_segment(task: WaypointTask = TASK) -> WaypointTask:
-    """The first 3 s."""
-    return replace(task, waypoints=task.waypoints[:2])
-
-
-# --- against a loop of its own --------------------------------------------------------------------
 
 DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]
 
@@ -60,8 +53,6 @@ def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d):
     assert np.abs(q[:ticks] - expected).max() < 1e-8
 
 
-# --- the figures ----------------------------------------------------------------------------------
-
 FIGURES = pytest.mark.parametrize(
     ('law', 'k_d', 'acceleration', 'at', 'velocity', 'torque'),
     [
@@ -77,9 +68,8 @@ FIGURES = pytest.mark.parametrize(
 def test_the_peaks_are_those_expected(law, k_d, acceleration, at, velocity, torque):
     recording = simulated(law, 0.001, k_d)
     value, t = recording.peak('joint_acceleration_norm')
-    assert value == pytest.approx(
-        acceleration[0], abs=acceleration[1]
-    )  # each to the digits that are known
+    digits = acceleration[1]  # that are known, as of the others
+    assert value == pytest.approx(acceleration[0], abs=digits)
     assert t == pytest.approx(at, abs=0.0051)
     assert recording.peak('joint_velocity_norm')[0] == pytest.approx(velocity, abs=0.0051)
     assert recording.peak('joint_torque_norm')[0] == pytest.approx(torque, abs=0.051)
@@ -88,24 +78,16 @@ def test_the_peaks_are_those_expected(law, k_d, acceleration, at, velocity, torq
     assert 'reached the last point after 9.000 s' in recording.ending
 
 
-@pytest.mark.parametrize(
-    'law', sorted({*LAWS} - {'minimum_torque'})
-)  # at 80 rad/s J is not constant for a tick
+# With least torque, at 80 rad/s, J is not constant for a tick.
+@pytest.mark.parametrize('law', sorted({*LAWS} - {'minimum_torque'}))
 def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law):
     assert simulated(law, T)['task_error'].max() < TASK.tolerance
 
 
-# --- the loop's own options -----------------------------------------------------------------------
-
-
-def short(**options: object) -> Recording:
-    """The first segment under damped minimum acceleration."""
-    return run(Controller(MODEL, make_law('minimum_acceleration'), T), one_segment(), **options)
-
-
 def test_progress_goes_from_nothing_to_all():
     shares: list[float] = []
-    short(progress=shares.append)
+    brief = replace(TASK, waypoints=TASK.waypoints[:2], segment_time=0.5)
+    run(Controller(MODEL, make_law('minimum_velocity'), T), brief, progress=shares.append)
     assert shares[0] == 0.0
     assert 0.9 < shares[-1] <= 1.0
     assert shares == sorted(shares)
@@ -121,8 +103,6 @@ def test_a_point_out_of_reach_ends_the_loop_in_time_and_says_so():
     assert not recording.finished
     assert recording.ending == 'did not reach the last point within 0.6 s'
 
-
-# --- limits, and the clock that goes on by s T ----------------------------------------------------
 
 BOX = ('position', 'velocity', 'acceleration')
 
@@ -155,9 +135,6 @@ def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
     recording = run(controller, TASK, plant=LateArm(TASK.start))
     deviation = TASK.path_deviation(recording.vectors('x'), recording['segment'])
     assert deviation.max() < 0.5e-3
-
-
-# --- six rows -------------------------------------------------------------------------------------
 
 
 def test_a_pose_controller_holds_the_orientation_of_a_task_that_names_none():

@@ -42,9 +42,6 @@ def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
     return positions
 
 
-# --- validator ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('joint', [0, 5])
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 def test_position_is_limited_at_the_margin(joint, sign):
@@ -117,9 +114,6 @@ def test_nan_never_passes(joint, which):
     values = {'position': ZERO.copy(), 'velocity': ZERO.copy()}
     values[which][joint] = np.nan
     assert CommandValidator(LIMITS, T, LWR).violation(**values) != ''
-
-
-# --- interpolator ---------------------------------------------------------------------------------
 
 
 def follow(interpolator: ReferenceInterpolator, positions: np.ndarray) -> np.ndarray:
@@ -236,9 +230,6 @@ def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(a
     references = np.vstack((references, brake(interpolator)[1:]))
     assert (np.abs(references) <= LIMITS.upper).all()
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
-
-
-# --- a client with the same limits ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize('beyond', [4e-15, -4e-15], ids=['beyond', 'within'])

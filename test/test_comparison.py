@@ -128,9 +128,6 @@ def test_bad_laws_get_one_line(tmp_path, capsys, laws, words):
     assert all(word in lines[0] for word in words)
 
 
-# --- from Python ----------------------------------------------------------------------------------
-
-
 def test_every_public_name_is_there_and_completes():
     assert {'run', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
     assert all(hasattr(redres_ros, name) for name in dir(redres_ros))
@@ -142,9 +139,6 @@ def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow():
     effort = Effort.of(run(Controller(model, 'minimum_acceleration', 0.02), task), model)
     assert effort.elbow > 0.0
     assert np.isfinite(list(vars(effort).values())[:7]).all()
-
-
-# --- in parallel ----------------------------------------------------------------------------------
 
 
 def square(number: int) -> int:

@@ -65,9 +65,6 @@ def wrench_along(axis: int, size: float) -> np.ndarray:
     return wrench
 
 
-# --- the formula ----------------------------------------------------------------------------------
-
-
 def test_the_rate_is_the_implicit_euler_step_of_mass_damper_and_spring() -> None:
     given = settings(mass=(1.0, 0.0, 2.0), damping=(50.0, 80.0, 9.0), stiffness=(300.0, 0.0, 7.0))
     given = replace(given, force=(0.0, 0.1, -0.1))
@@ -141,9 +138,6 @@ def test_on_off_and_any_change_are_no_jump() -> None:
     assert not contact.e.any()
 
 
-# --- the sensor -----------------------------------------------------------------------------------
-
-
 def test_a_wrench_of_any_link_becomes_that_of_the_tip() -> None:
     """The power of a wrench is the same in both: f'v + m'w with the velocities of either point."""
     sensor = _ForceSensor(0.05, T)
@@ -178,9 +172,6 @@ def test_a_sensor_without_usable_wrenches_is_not_tared() -> None:
     sensor.enter(NONE)
     with pytest.raises(TareError, match='not finite'):
         sensor.tare()
-
-
-# --- reactions ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -223,9 +214,6 @@ def test_contact_that_was_found_begins_the_search_distance_anew() -> None:
         for _ in range(1000):  # 40 mm
             loop.tick(NONE)
         loop.tick(wrench_along(2, 25.0))
-
-
-# --- what is refused ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

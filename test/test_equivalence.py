@@ -34,9 +34,6 @@ def side(task: WaypointTask) -> WaypointTask:
     return replace(task, waypoints=task.waypoints[:2])
 
 
-# --- sampled --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ('name', 'damping', 'T'),
     by_day(
@@ -93,9 +90,6 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(sid
     short = replace(side, segment_time=0.5)
     found = difference(make_law(name, damping=10.0), Scheme(name, 10.0 + 1e-6), 0.002, short, model)
     assert min(found) > ROUNDING
-
-
-# --- continuous -----------------------------------------------------------------------------------
 
 
 @EVERY_SCHEME

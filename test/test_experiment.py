@@ -38,9 +38,6 @@ def finished() -> Experiment:
     return experiment(controller('minimum_acceleration'), TASK)
 
 
-# --- the paper's two outcomes ---------------------------------------------------------------------
-
-
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert not stopped.recording.finished
     assert stopped.stop_reason.startswith('protective stop')
@@ -66,9 +63,6 @@ def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
     assert (np.abs(np.diff(finished.q, axis=0) / T) < 1.02 * limit).all()
 
 
-# --- the loop -------------------------------------------------------------------------------------
-
-
 def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
     real = experiment(controller('minimum_acceleration'), SHORT).recording
     ideal = run(controller('minimum_acceleration'), SHORT, plant=LateArm(SHORT.start))
@@ -76,9 +70,6 @@ def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
     apart = np.abs(real.vectors('q1')[:ticks] - ideal.vectors('q1')[:ticks]).max()
     # [rad]; a tick is 2e-3 at the joints' speed of 0.9 rad/s, of which feedback takes up a part
     assert apart < 2e-4
-
-
-# --- Savitzky-Golay -------------------------------------------------------------------------------
 
 
 def test_a_polynomial_of_fifth_degree_is_differentiated_exactly():

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from redres_ros.errors import JointNamesError
+from redres_ros.fake_robot.faults import Link
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
@@ -57,9 +58,6 @@ def assert_accelerations_are_kept(references: list[np.ndarray] | np.ndarray) -> 
     assert (changes <= LIMITS.acceleration * T * T + ROUNDING).all()
 
 
-# --- when a command acts --------------------------------------------------------------------------
-
-
 def test_a_command_to_one_state_is_where_an_ideal_arm_is_two_ticks_later():
     robot = make_robot()
     for k in range(300):
@@ -76,9 +74,6 @@ def test_of_several_commands_the_newest_counts():
     assert robot.reference == pytest.approx(cruise(tick), abs=ROUNDING)
     counts = robot.session.timing.counts
     assert (counts['in time'], counts['late']) == (200, 0)
-
-
-# --- entering command mode ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('ideal', [True, False])
@@ -123,9 +118,6 @@ def test_the_first_command_follows_a_standstill_whatever_was_mirrored_before():
     assert (rest(robot, 5) <= Q0 + 0.0045 + ROUNDING).all()
 
 
-# --- missing and late commands --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('misses', [1, 5])
 def test_misses_are_bridged_with_the_last_velocity(misses):
     robot = run(make_robot(), 200)
@@ -159,15 +151,27 @@ def test_a_late_command_is_brought_up_to_date(lateness):
     assert robot.session.timing.counts['late'] == 35
 
 
+def test_commands_that_get_lost_or_out_of_order_on_their_way_do_no_harm():
+    robot = make_robot()
+    connection = Connection(robot)
+    connection.receiver.network.link = Link(loss=0.015, disorder=0.02)
+    references = []
+    for tick in range(5000):
+        connection.advance()
+        connection.send(tick, Q0 + 0.1 * (1.0 - np.cos(0.01 * max(tick - 200, 0))))
+        references.append(robot.reference)
+    assert (robot.session.commanding, robot.session.reason) == (True, '')
+    assert robot.session.timing.counts['bridged'] > 50
+    assert robot.session.refusals.keys() == {'out of order'}
+    assert_accelerations_are_kept(references)
+
+
 def test_one_miss_too_many_stops_the_arm_within_its_acceleration_limits():
     robot = run(make_robot(), 200)
     references = rest(robot)
     assert robot.session.reason == 'timing: the newest command is 6 cycles late, 5 are bridged'
     assert (references[-1] == references[-2]).all()
     assert_accelerations_are_kept(references)
-
-
-# --- limits ---------------------------------------------------------------------------------------
 
 
 def test_too_high_an_acceleration_ends_in_a_protective_stop():
@@ -181,9 +185,6 @@ def test_too_high_an_acceleration_ends_in_a_protective_stop():
     )
     moved = (rest(robot)[-1] - before) * np.sign(SPEED)
     assert (np.abs(moved - SPEED**2 / (2.0 * LIMITS.acceleration)) <= np.abs(SPEED) * T).all()
-
-
-# --- after a stop ---------------------------------------------------------------------------------
 
 
 def test_after_a_stop_commands_move_nothing_until_a_reset_begins_anew_where_the_arm_is():

@@ -31,8 +31,6 @@ DURATION = 0.6  # [s] of a fault
 DECAYED = 2e-3
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
-# --- what becomes of the arm ----------------------------------------------------------------------
-
 
 class Outcome(Enum):
     """What the arm does under a fault."""
@@ -198,9 +196,6 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
         assert not scene.stopped
         scene.assert_nothing_jumped()
         judge.assert_followable()
-
-
-# --- an arm that does something else --------------------------------------------------------------
 
 
 class Situation(Enum):

@@ -39,9 +39,6 @@ def shell(line: str, folder: Path, **variables: str) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
-# --- output that has no place to go ---------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ('command', 'unbuffered'),
     by_day(
@@ -82,9 +79,6 @@ def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
     assert (status, said) == (0, '')
 
 
-# --- an environment that lacks something ----------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ('command', 'files'),
     by_day(1, [(QUICK, 6), ('compare --law minimum_velocity,minimum_torque --period 0.01', 16)]),
@@ -120,8 +114,6 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path, capsys, make, endi
     assert said.count('\n') == 1
 
 
-# --- Ctrl-C while Python still loads --------------------------------------------------------------
-
 INTERRUPTED = """
 import os, signal, sys
 
@@ -134,39 +126,30 @@ sys.meta_path.insert(0, Interrupt())
 """
 
 
-def interrupted(module: str, program: str, folder: Path) -> tuple[int, str]:
-    """What comes of a program that gets SIGINT in the moment in which it loads a module."""
+COMMAND = 'from redres_ros.cli import main\nsys.exit(main(["simulate"]))'
+NODE = 'from redres_ros.nodes.entry import sim\nsys.exit(sim())'
+LOADED = ['argparse', 'redres_ros.cli.options', 'numpy', 'pinocchio', 'rich.progress', 'yaml']
+BY_NODES = ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco']
+
+
+@pytest.mark.parametrize(
+    ('program', 'module'),
+    [
+        *((COMMAND, module) for module in by_day(2, LOADED)),
+        *(pytest.param(NODE, module, marks=needs_ros) for module in by_day(2, BY_NODES)),
+    ],
+)
+def test_ctrl_c_while_a_program_loads_ends_it_quietly(tmp_path, program, module):
     done = subprocess.run(
         [sys.executable, '-c', INTERRUPTED.format(module=module) + program],
-        cwd=folder,
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=False,
     )
-    return done.returncode, done.stdout + done.stderr
+    assert (done.returncode, done.stdout + done.stderr) == (130, '')
 
-
-@pytest.mark.parametrize(
-    'module',
-    by_day(
-        2,
-        ['argparse', 'redres_ros.cli.options', 'numpy', 'pinocchio', 'rich.progress', 'yaml'],
-    ),
-)
-def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path, module):
-    program = 'from redres_ros.cli import main\nsys.exit(main(["simulate"]))'
-    assert interrupted(module, program, tmp_path) == (130, '')
-
-
-@needs_ros
-@pytest.mark.parametrize('module', by_day(2, ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco']))
-def test_ctrl_c_while_a_node_loads_ends_it_quietly(tmp_path, module):
-    program = 'from redres_ros.nodes.entry import sim\nsys.exit(sim())'
-    assert interrupted(module, program, tmp_path) == (130, '')
-
-
-# --- nodes ----------------------------------------------------------------------------------------
 
 NODES = ('composed', 'controller', 'planner', 'sim')
 

@@ -44,9 +44,6 @@ def weight(law: Law, state: RobotState) -> np.ndarray:
     return np.eye(len(state.q)) if W is None else np.asarray(W)
 
 
-# --- every law ------------------------------------------------------------------------------------
-
-
 @EVERY_LAW
 @EVERY_DAMPING
 def test_the_task_is_executed_and_no_other_motion_is_better_in_the_norm_of_the_law(
@@ -105,9 +102,6 @@ def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
     cls(damping=bound).check_damping(T)
 
 
-# --- the table ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('name', LAWS)
 def test_a_law_is_made_by_name_with_its_gains(name):
     assert make_law(name, damping=3.0) == LAWS[name](damping=3.0)
@@ -122,9 +116,6 @@ def test_an_unknown_law_or_gain_is_refused_with_those_that_exist(law, gains, all
     with pytest.raises(UnknownNameError) as caught:
         make_law(law, **gains)
     assert tuple(caught.value.allowed) == allowed
-
-
-# --- Appendix B: no task, so all of the last velocity is in the null space ------------------------
 
 
 def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,15 +21,12 @@ from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 
 DX = np.array([0.0, -0.1, 0.0])  # [m/s]
-LOOP = {'rate': 100.0}
 
 
 @pytest.fixture
 def commanded() -> Iterator[VirtualRun]:
     """A robot in command mode whose tip moves, and the commands for it."""
-    sim = {**LOOP, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
-    controller = {**LOOP, 'command_timeout': 5.0}
-    with virtual_run(sim=sim, controller=controller, planner=LOOP) as run:
+    with virtual_run(controller={'command_timeout': 5.0}) as run:
         run.graph.kept['joint_command'] = []
         run.run(0.5)
         assert run.commanding
@@ -96,38 +94,35 @@ def test_a_transition_that_does_not_suit_is_refused_and_shut_down_it_never_acts_
     assert commanded.nodes['controller'].life == 'finalized'
 
 
-class TestWithin:
-    """Nodes in this process."""
+@pytest.fixture
+def start_inactive() -> Iterator[None]:
+    with ros('--log-level', 'fatal', '-p', 'initial_state:=inactive'):
+        yield
 
-    @pytest.fixture
-    def start_inactive(self) -> Iterator[None]:
-        with ros('--log-level', 'fatal', '-p', 'initial_state:=inactive'):
-            yield
 
-    def test_an_inactive_planner_refuses_to_start_and_to_go_to_a_pose(
-        self, start_inactive: None
-    ) -> None:
-        planner = PlannerNode()
-        response = planner._respond('planner/start', planner._start_task)
-        assert (response.success, 'inactive' in response.message) == (False, True)
-        planner._on_target(PoseStamped())
-        assert 'inactive' in planner._diagnostics.reasons
-        assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
-        response = planner._respond('planner/start', planner._start_task)
-        assert response.success  # it begins with the robot's first state
+def test_an_inactive_planner_refuses_to_start_and_to_go_to_a_pose(start_inactive: None) -> None:
+    planner = PlannerNode()
+    response = planner._respond('planner/start', planner._start_task)
+    assert (response.success, 'inactive' in response.message) == (False, True)
+    planner._on_target(PoseStamped())
+    assert 'inactive' in planner._diagnostics.reasons
+    assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    response = planner._respond('planner/start', planner._start_task)
+    assert response.success  # it begins with the robot's first state
 
-    def test_an_inactive_sim_neither_sends_nor_receives(self, start_inactive: None) -> None:
-        sim = SimNode()
-        sent = []
-        sim._state_publisher = type('Recorder', (), {'publish': sent.append})
-        for active in (False, True):
-            assert sim.active is active
-            sim._publish_state()
-            sim._on_command(to_joint_state(1, sim._plant.joint_names, START, START))
-            assert bool(sent) is active
-            if not active:
-                sim.trigger_activate()
-        assert not sim._session.commanding
+
+def test_an_inactive_sim_neither_sends_nor_receives(start_inactive: None) -> None:
+    sim = SimNode()
+    sent = []
+    sim._state_publisher = SimpleNamespace(publish=sent.append)
+    for active in (False, True):
+        assert sim.active is active
+        sim._publish_state()
+        sim._on_command(to_joint_state(1, sim._plant.joint_names, START, START))
+        assert bool(sent) is active
+        if not active:
+            sim.trigger_activate()
+    assert not sim._session.commanding
 
 
 def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> None:
@@ -135,13 +130,6 @@ def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> No
         sim = SimNode()
         sim.trigger_deactivate()
         stopped = threading.Event()
-        naps = []
-
-        class Waiting:
-            def sleep(self, seconds: float) -> None:
-                naps.append(seconds)
-                stopped.set()
-
-        sim.run(stopped, Waiting())
-    assert len(naps) == 1
+        sim.run(stopped, SimpleNamespace(sleep=lambda seconds: stopped.set()))
+    assert stopped.is_set()  # it came to sleep
     assert sim._robot.tick == 0
