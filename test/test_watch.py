@@ -15,7 +15,7 @@ from rich.console import Console
 
 from redres_ros.graph import monitor
 from redres_ros.graph.monitor import GraphMonitor, NodeHealth
-from redres_ros.graph.watch import _JointBar, _line, _page
+from redres_ros.graph.watch import _JointBar, _page
 
 VALUES = {
     'sim/session_state': 'CMD',
@@ -51,7 +51,6 @@ def line_of(text: str, label: str) -> str:
 
 def test_where_nobody_is_the_page_says_so_and_what_to_do() -> None:
     text = text_of({})
-    assert _line({}, {}, 7) == 'no node in domain 7'
     assert 'No node of redres_ros runs' in text
     assert 'domain 7' in text
     assert '--domain' in text
@@ -73,14 +72,6 @@ def test_a_robot_that_has_stopped_comes_first() -> None:
     assert 'protective stop: joint 1' in lines[at]
     assert at < next(number for number, line in enumerate(lines) if 'session' in line)
     assert 'The robot has stopped' not in text_of(VALUES)
-
-
-def test_a_node_that_is_silent_is_marked_and_its_last_values_are_in_no_line() -> None:
-    health = {**WELL, 'planner': NodeHealth('silent for 6 s', None)}
-    assert 'planner: silent for 6 s' in text_of(VALUES, health)
-    assert _line(VALUES, health, 7) == (
-        'session CMD, stop reason none, planner silent for 6 s, law minimum_torque'
-    )
 
 
 def test_a_report_counts_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,13 +114,13 @@ def watch_until(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
+def test_a_reader_of_the_page_gets_it_at_once_and_may_leave() -> None:
     from redres_ros.nodes.runtime import own_domain
 
     streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     with own_domain() as domain:
         process = subprocess.Popen([*WATCH, str(domain)], text=True, **streams)
-        assert process.stdout.readline() == f'no node in domain {domain}\n'
+        assert process.stdout.readline() == f'redres watch, ROS domain {domain}\n'
         process.stdout.close()
         assert process.wait(60.0) == 1
         assert process.stderr.read() == ''
@@ -149,8 +140,9 @@ def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
             for node in nodes:
                 node.end()
     assert done.returncode == 0
-    lines, title, shown = done.stdout.partition('redres watch, ROS domain')
-    assert title and len(lines.splitlines()) >= 2
+    pages = done.stdout.split('redres watch, ROS domain')
+    assert len(pages) > 2
+    shown = pages[-1]
     assert 'CMD' in line_of(shown, 'session')
     assert 'rad/s' in line_of(shown, 'joint velocity')
     assert 'planner: no message' in shown

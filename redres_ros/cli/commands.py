@@ -57,7 +57,7 @@ def add(commands: Any) -> None:
         '--domain 42',
         '--set law=minimum_velocity  # another law, and its effect',
         '--set limit_scale=0.5 --duration 0  # sets it, and ends',
-        '--duration 10 > watch.txt  # not in a terminal: a line a second',
+        '--duration 10 > watch.txt  # not in a terminal: once a second',
     )
     parameters = 'first set these parameters of the controller, all or none'
     end = 'end after this time [s]; default: run until Ctrl-C'

@@ -22,7 +22,7 @@ from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SE
 from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _REFRESH = 5.0  # [Hz]
-_LINE_EVERY = 1.0  # [s]
+_PRINT_EVERY = 1.0  # [s]
 _BAR = 33  # letters of a joint's bar
 _NEAR = 0.06  # of the range, from an end
 _STYLES = {True: 'green', False: 'yellow', None: 'dim'}
@@ -35,33 +35,32 @@ _FOLLOWED = {ACTIVE_LIMITS: String, PROGRESS: Float64, _SEGMENT: Int32, _ERROR: 
 
 
 class _Row(NamedTuple):
-    """A line of the page; `in_line`: also in the line for a pipe."""
+    """A line of the page."""
 
     topic: str
     label: str
     unit: str = ''
     factor: float = 1.0
-    in_line: bool = False
 
 
 _ROWS: dict[str, tuple[_Row, ...]] = {
     'sim': (
-        _Row(SESSION, 'session', in_line=True),
+        _Row(SESSION, 'session'),
         _Row(QUALITY, 'connection'),
-        _Row(REASON, 'stop reason', in_line=True),
+        _Row(REASON, 'stop reason'),
     ),
     'planner': (
-        _Row(TASK_STATE, 'state', in_line=True),
-        _Row(PROGRESS, 'progress', '%', 100.0, in_line=True),
+        _Row(TASK_STATE, 'state'),
+        _Row(PROGRESS, 'progress', '%', 100.0),
         _Row(_SEGMENT, 'segment'),
-        _Row(_ERROR, 'task error', 'mm', 1e3, in_line=True),
+        _Row(_ERROR, 'task error', 'mm', 1e3),
     ),
     'controller': (
-        _Row(_LAW, 'law', in_line=True),
+        _Row(_LAW, 'law'),
         _Row(_TIP, 'tip', 'm'),
         _Row('controller/task_scaling', 'task scaling s', '%', 100.0),
-        _Row(ACTIVE_LIMITS, 'limited by', in_line=True),
-        _Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s', in_line=True),
+        _Row(ACTIVE_LIMITS, 'limited by'),
+        _Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
         _Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
         _Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),
         _Row('controller/joint_torque_norm', 'joint torque, norm', 'Nm'),
@@ -89,28 +88,22 @@ class Watch(GraphMonitor):
         self.on_parameters = self._on_parameters
 
     def run(self, duration: float | None = None) -> None:
-        """Show the page for that time [s], or until Ctrl-C.
-
-        In a pipe or a file, print a line a second, and the page once, at the end.
+        """Show the page for that time [s], or until Ctrl-C; print it once a second in a pipe or a
+        file.
         """
         until = time.monotonic() + duration if duration is not None else math.inf
-        domain = self.context.get_domain_id()
         console = Console()
-        live = Live(self._page(domain), console=console, refresh_per_second=_REFRESH)
-        due = 0.0  # [s] when the next line is
+        live = Live(self._page(), console=console, refresh_per_second=_REFRESH)
+        shows = live.update if console.is_terminal else console.print
+        period = 1.0 / _REFRESH if console.is_terminal else _PRINT_EVERY
         with live if console.is_terminal else nullcontext():
             while rclpy.ok() and time.monotonic() < until:
-                time.sleep(1.0 / _REFRESH)
+                time.sleep(period)
                 self._look()
-                if console.is_terminal:
-                    live.update(self._page(domain))
-                elif time.monotonic() >= due:
-                    due = time.monotonic() + _LINE_EVERY
-                    print(_line(dict(self.values), self.health(), domain), flush=True)
-        if not console.is_terminal:
-            console.print(self._page(domain))
+                shows(self._page())
 
-    def _page(self, domain: int) -> RenderableType:
+    def _page(self) -> RenderableType:
+        domain = self.context.get_domain_id()
         joints = []
         if self._arm is not None:
             place, limit = self.limit()
@@ -167,20 +160,6 @@ def _page(
     if joints:
         parts.append(_joint_panel(joints))
     return Group(*parts)
-
-
-def _line(values: Mapping[str, Any], health: Mapping[str, NodeHealth], domain: int) -> str:
-    """The most important values of the page, in a line."""
-    if not values:
-        return f'no node in domain {domain}'
-    parts = []
-    for node, rows in _ROWS.items():
-        if health[node].is_well is None:
-            parts.append(f'{node} {health[node].text}')
-            continue
-        shown = [row for row in rows if row.in_line and row.topic in values]
-        parts += [f'{row.label} {_words(values[row.topic], row)}' for row in shown]
-    return ', '.join(parts)
 
 
 def is_near_an_end(fraction: float) -> bool:

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from redres_ros.graph.client import CallError
-from redres_ros.graph.monitor import GraphMonitor, NodeHealth
+from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.nodes.conversions import EncodingError, deserialised, to_nanoseconds
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
@@ -76,9 +76,9 @@ class SnapshotNode(GraphMonitor):
         seen.words = {topic: self.word(topic) for topic in (SESSION, REASON, MODE)}
         seen.controller = self._ask(CONTROLLER, _ASKED)
         seen.controllers = self._count(CONTROLLER)
-        health = self.values.get(CONTROLLER)
-        if health and isinstance(health.value, NodeHealth) and not health.value.is_well:
-            seen.problem = health.value.text
+        health = self.health()[CONTROLLER]
+        if health.is_well is False:
+            seen.problem = health.text
         forwarding = self._ask(_FORWARDING, ('joints',)) or {}
         seen.forward_joints = forwarding.get('joints') or []
         return seen
