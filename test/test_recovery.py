@@ -74,7 +74,7 @@ class Graph(NamedTuple):
 
         def received() -> bool:
             silences = self.lines(name, 'no joint_states')
-            return self.lines(name, 'joint_states is back') == silences
+            return self.lines(name, 'states of the robot accepted again') == silences
 
         await_that(received, f'states at the {name}')
 

@@ -86,7 +86,7 @@ def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
         wire = ('joint_states', 'controller')
 
         def log_lines() -> list[str]:
-            words = ('no joint_states', 'joint_states is back')
+            words = ('no joint_states', 'states of the robot accepted again')
             return [line for _, line in run.graph.log if line.startswith(words)]
 
         run.run(1.0)
@@ -100,7 +100,7 @@ def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
         assert log_lines() == ['no joint_states for 0.1 s']
         del run.graph.faults[wire]
         run.run(2.0)
-        assert log_lines() == ['no joint_states for 0.1 s', 'joint_states is back']
+        assert log_lines() == ['no joint_states for 0.1 s', 'states of the robot accepted again']
 
 
 @pytest.fixture

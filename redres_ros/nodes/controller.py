@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from redres_ros.command import ROBOT_INTERFACES
+from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
 from redres_ros.files.plugins import load_plugins
@@ -20,12 +22,11 @@ from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
 from redres_ros.loop.velocity_input import LoopSettings
 from redres_ros.nodes import topics
-from redres_ros.nodes.controller_interfaces import Forwarding, Sensors
+from redres_ros.nodes.controller_interfaces import ADMITTANCE, Forwarding, Sensors
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
     stacked,
-    to_base,
     to_joint_state,
     to_nanoseconds,
 )
@@ -103,8 +104,9 @@ class ControllerNode(ManagedNode):
         )
         self._controller.set_policy(self._policy.policy)
         self._rows = self._controller.m
-        self._sensors = Sensors(self, model, self._rows, T, settings.switch_time)
-        self._loop = CommandLoop(self._controller, loop_settings, self._sensors.contact)
+        admittance = declare(self, AdmittanceSettings.of_rows(self._rows), ADMITTANCE)
+        contact = ContactControl(admittance, T, switch_time=settings.switch_time)
+        self._loop = CommandLoop(self._controller, loop_settings, contact)
         self._loop.deactivate()
         frame = settings.base_frame or model.base_frame
         self._base_frames = ('', frame, model.base_frame)
@@ -118,6 +120,7 @@ class ControllerNode(ManagedNode):
         self._telemetry = MotionTelemetry(self, frame, T)
         rate = None if loop_settings.lockstep else settings.rate
         self._diagnostics = Diagnostics(self, robot, self._health, rate)
+        self._sensors = Sensors(self, self._controller, self._loop, self._diagnostics)
         show_obstacles(self, frame)
         self._listen()
         on_live_change(self, self._check, self._apply)
@@ -132,8 +135,7 @@ class ControllerNode(ManagedNode):
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
         self.create_subscription(String, 'sim/session_state', self._on_session, topics.LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
-        self._sensors.listen(self._loop, self._diagnostics)
-        self._sensors.apply({}, self._policy.policy.measurements)
+        self._sensors.apply({})
         if self._controller.robot_interface.patience:
             self.create_timer(_LOOK, self._respond_if_due, clock=topics.STEADY)
 
@@ -167,7 +169,8 @@ class ControllerNode(ManagedNode):
         check_finite(dx, 'cartesian_velocity')
         frame = message.header.frame_id
         if self._loop.q is not None and frame not in self._base_frames:
-            dx = to_base(dx, self._controller.model, frame, self._loop.q)
+            _, R = self._controller.model.pose(self._loop.q, frame)
+            dx = np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
         return self._loop.enter_velocity(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
@@ -256,9 +259,10 @@ class ControllerNode(ManagedNode):
         policy = self._policy.adopt()
         if policy != before:
             self._controller.set_policy(policy)
-        self._sensors.apply(changes, policy.measurements)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
+            self._loop.measurements.contact.switch_time = changes['switch_time']
+        self._sensors.apply(changes)
         self._loop.input.settings = with_changes(self._loop.input.settings, changes)
 
     def _health(self) -> Health:
@@ -275,8 +279,9 @@ class ControllerNode(ManagedNode):
             'task velocities late': loop.input.of_task.late,
             'references changed by the safety filter': loop.safety_filter.count,
         }
-        if self._sensors.contact.is_on:
-            force = ', '.join(f'{value:.3g}' for value in self._sensors.contact.force)
+        contact = loop.measurements.contact
+        if contact.is_on:
+            force = ', '.join(f'{value:.3g}' for value in contact.force)
             values['force on the tip [N]'] = force
         error = self._error
         if error:

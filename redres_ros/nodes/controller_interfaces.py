@@ -3,7 +3,7 @@ ros2_control.
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,18 +16,18 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from redres_ros.contact import BASE, TIP, AdmittanceSettings, ContactControl
+from redres_ros.contact import BASE, TIP
+from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.nodes.conversions import JointMapper, stacked, to_nanoseconds
 from redres_ros.nodes.diagnostics import Diagnostics
-from redres_ros.nodes.parameters import declare, with_changes
+from redres_ros.nodes.parameters import with_changes
 from redres_ros.nodes.topics import NEWEST, PUBLISH, STEADY
 from redres_ros.preferences import Compliance
-from redres_ros.robot_model import RobotModel
-from redres_ros.types import JointPositions, Seconds
+from redres_ros.types import JointPositions
 
-_PREFIX = 'admittance.'
+ADMITTANCE = 'admittance.'  # before the names of its parameters
 _TORQUES = Compliance.measurement
 
 _FORWARDING = 'forward_position_controller'
@@ -36,51 +36,43 @@ _ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
 class Sensors:
-    """Parameters, topics and the service of contact and of measured preferences.
+    """Topics and the service of contact and of measured preferences.
 
     A topic is subscribed to when it is first needed: a wrench in every cycle costs both sides time.
     """
 
     def __init__(
-        self, node: Node, model: RobotModel, rows: int, T: Seconds, switch_time: Seconds
+        self, node: Node, controller: Controller, loop: CommandLoop, diagnostics: Diagnostics
     ) -> None:
-        settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
         self._node = node
-        self._model = model
-        self._rows = rows  # of the task velocity
-        self.contact = ContactControl(settings, T, switch_time=switch_time)
+        self._controller = controller
+        self._rows = controller.m  # of the task velocity
+        self._loop = loop
+        self._contact = loop.measurements.contact
+        self._diagnostics = diagnostics
         self.check({})
-        self._joints = JointMapper(model.joint_names)
+        self._joints = JointMapper(controller.model.joint_names)
         self._subscribed: set[str] = set()
         # Whether external torques are efforts less the model's: until others publish them.
         self.from_effort = False
-
-    def listen(self, loop: CommandLoop, inputs: Diagnostics) -> None:
-        """Offer the service, and enter into the loop what is measured."""
-        self._loop = loop
-        self._inputs = inputs
-        self._node.create_service(Trigger, 'controller/tare', self._on_tare)
+        node.create_service(Trigger, 'controller/tare', self._on_tare)
 
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
-        settings = with_changes(self.contact.settings, changes, _PREFIX)
+        settings = with_changes(self._contact.settings, changes, ADMITTANCE)
         settings.check(self._rows)
         if settings.frame not in (BASE, TIP):
-            self._model.position(np.zeros(self._model.n), settings.frame)
+            model = self._controller.model
+            model.position(np.zeros(model.n), settings.frame)
 
-    def apply(self, changes: dict[str, Any], measurements: Iterable[str]) -> None:
-        """Take over changes of parameters by name; preferences and limits use these measurements.
-
-        Changes of other parameters are ignored.
-        """
-        if 'switch_time' in changes:
-            self.contact.switch_time = changes['switch_time']
-        settings = with_changes(self.contact.settings, changes, _PREFIX)
-        if settings != self.contact.settings:
-            self.contact.set_settings(settings)
+    def apply(self, changes: dict[str, Any]) -> None:
+        """Take over changes of parameters by name, and subscribe to what is needed."""
+        settings = with_changes(self._contact.settings, changes, ADMITTANCE)
+        if settings != self._contact.settings:
+            self._contact.set_settings(settings)
         if settings.enabled:
             self._subscribe('wrench', WrenchStamped, self._enter_wrench)
-        for name in measurements:
+        for name in self._controller.policy.measurements:
             if name != _TORQUES:
                 self._subscribe(name, Float64MultiArray, partial(self._enter_values, name))
             elif name not in self._subscribed:
@@ -92,7 +84,7 @@ class Sensors:
         response = self._loop.newest_response
         if response is None:
             return
-        with self._inputs.judging(_TORQUES):
+        with self._diagnostics.judging(_TORQUES):
             efforts = self._joints.in_order(message, 'effort')
             self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
@@ -100,12 +92,11 @@ class Sensors:
         if topic in self._subscribed:
             return
         self._subscribed.add(topic)
-
         receive = partial(self._receive, topic, enter)
         self._node.create_subscription(kind, topic, receive, NEWEST)
 
     def _receive(self, topic: str, enter: Callable[[Any], None], message: Any) -> None:
-        with self._inputs.judging(topic):
+        with self._diagnostics.judging(topic):
             enter(message)
 
     def _enter_wrench(self, message: WrenchStamped) -> None:

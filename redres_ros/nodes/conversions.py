@@ -14,7 +14,6 @@ from sensor_msgs.msg import JointState
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, one_line
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.loop.cycle_counter import NANOSECONDS
-from redres_ros.robot_model import RobotModel
 from redres_ros.types import (
     JointPositions,
     JointTorques,
@@ -134,14 +133,6 @@ class JointMapper:
             )
         values = np.array(given)
         return values if is_ours else values[[names.index(name) for name in self.names]]
-
-
-def to_base(dx: Twist, model: RobotModel, frame: str, q: JointPositions) -> Twist:
-    """A velocity of the tip in the axes of the base, from those of any link. Raises RedresError for
-    an unknown frame.
-    """
-    _, R = model.pose(q, frame)
-    return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
 
 
 def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, Rotation]:

@@ -18,6 +18,7 @@ _QUIET = 1.0  # [s] an event is over when it has not recurred for that long
 _LOOK = 0.05  # [s] between looks at that
 _SILENCE = 0.1  # [s] without states that is reported, and at least as many cycles as
 _SILENT_CYCLES = 10
+_STATES = 'states of the robot'
 
 
 class Health(NamedTuple):
@@ -31,13 +32,12 @@ class Health(NamedTuple):
 
 @dataclass
 class _Episode:
-    """A time in which inputs of a source are refused; some may be accepted meanwhile."""
+    """A time in which something is wrong with what comes; some of it may be accepted meanwhile."""
 
-    reason: str = ''  # the newest
-    count: int = 0
+    problem: str = ''  # the newest
     last: Seconds = 0.0
-    over: bool = False  # an input could be used since
-    reported: set[type[Exception]] = field(default_factory=set)
+    over: bool = False  # something could be used since
+    reported: set[object] = field(default_factory=set)  # kinds of problems
 
 
 class Diagnostics:
@@ -63,8 +63,6 @@ class Diagnostics:
         self._refused = 0
         self._longest = max(_SILENCE, _SILENT_CYCLES / rate) if rate else math.inf  # [s]
         self._fed_at = time.monotonic()
-        self._back_since = self._fed_at  # when the first state after the last silence came
-        self._silence_reported = False
         node.create_timer(_LOOK, self._look, clock=STEADY)
         node.create_timer(1.0, self.publish, clock=STEADY)
 
@@ -91,14 +89,7 @@ class Diagnostics:
     def refuse(self, source: str, error: Exception) -> None:
         """Count an input of a topic or service that cannot be used."""
         self._refused += 1
-        episode = self._bad.setdefault(source, _Episode())
-        episode.reason = one_line(str(error))
-        episode.count += 1
-        episode.last = time.monotonic()
-        episode.over = False
-        if type(error) not in episode.reported:
-            episode.reported.add(type(error))
-            self._logger.error(f'{source} refused: {episode.reason}')
+        self._note(source, f'{source} refused: {one_line(str(error))}', type(error))
 
     def accept(self, source: str) -> None:
         """Note an input that could be used."""
@@ -118,7 +109,7 @@ class Diagnostics:
     @property
     def reasons(self) -> str:
         """What is bad at present, or was a moment ago, and why; empty when all is well."""
-        return ', '.join(f'{source} refused: {bad.reason}' for source, bad in self._bad.items())
+        return ', '.join(episode.problem for episode in self._bad.values())
 
     @property
     def silent(self) -> bool:
@@ -127,22 +118,25 @@ class Diagnostics:
 
     def feed(self) -> None:
         """A state has come."""
-        if self.silent:
-            self._back_since = time.monotonic()
         self._fed_at = time.monotonic()
+        self.accept(_STATES)
 
     def _look(self) -> None:
-        now = time.monotonic()
+        if self.silent:
+            self._note(_STATES, f'no joint_states for {self._longest:g} s', _STATES)
         for source, episode in list(self._bad.items()):
-            if episode.over and now - episode.last > _QUIET:
+            if episode.over and time.monotonic() - episode.last > _QUIET:
                 del self._bad[source]
-                self._logger.info(f'{source} accepted again after {episode.count} refused')
-        if self.silent and not self._silence_reported:
-            self._silence_reported = True
-            self._logger.warning(f'no joint_states for {self._longest:g} s')
-        elif self._silence_reported and not self.silent and now - self._back_since > _QUIET:
-            self._silence_reported = False
-            self._logger.info('joint_states is back')
+                self._logger.info(f'{source} accepted again')
+
+    def _note(self, source: str, problem: str, kind: object) -> None:
+        episode = self._bad.setdefault(source, _Episode())
+        episode.problem = problem
+        episode.last = time.monotonic()
+        episode.over = False
+        if kind not in episode.reported:
+            episode.reported.add(kind)
+            self._logger.error(problem)
 
 
 def _to_text(value: object) -> str:
