@@ -32,9 +32,9 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
         node = rclpy.create_node('node')
         event = threading.Event()
         spinner = Spinner([node], threading.Event())
-        assert not spinner.wait(event, 0.05)
+        assert not spinner.wait(0.05, event)
         node.create_timer(0.05, event.set)
         begun = time.monotonic()
-        assert spinner.wait(event, PATIENCE)
+        assert spinner.wait(PATIENCE, event)
         assert time.monotonic() - begun < PATIENCE / 2.0
         spinner.close()

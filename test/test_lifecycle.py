@@ -130,6 +130,6 @@ def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> No
         sim = SimNode()
         sim.trigger_deactivate()
         stopped = threading.Event()
-        sim.run(stopped, SimpleNamespace(sleep=lambda seconds: stopped.set()))
+        sim.run(stopped, SimpleNamespace(wait=lambda seconds: stopped.set()))
     assert stopped.is_set()  # it came to sleep
     assert sim._robot.tick == 0

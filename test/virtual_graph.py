@@ -312,14 +312,10 @@ class _Cycles:
     def __init__(self, clock: VirtualTime) -> None:
         self._clock = clock
 
-    def sleep(self, seconds: float) -> None:
-        """Let that much time pass."""
+    def wait(self, seconds: float, event: threading.Event | None = None) -> bool:
+        """Let that much time pass; nobody sets the event any sooner."""
         self._clock.advance(seconds)
-
-    def wait(self, event: threading.Event, seconds: float) -> bool:
-        """The same; nobody sets the event any sooner."""
-        self._clock.advance(seconds)
-        return event.is_set()
+        return event is not None and event.is_set()
 
 
 class VirtualRun:

@@ -53,7 +53,7 @@ class RobotClock:
         """The next tick is due one period from now."""
         self._due = time.monotonic()
 
-    def wait(self, sleep: Callable[[Seconds], None] = time.sleep) -> None:
+    def wait(self, sleep: Callable[[Seconds], object] = time.sleep) -> None:
         """Sleep until the next tick is due; stand still for a delay of more than a period."""
         period = self.period / NANOSECONDS
         self._due += period

@@ -184,7 +184,7 @@ class ControllerNode(ManagedNode):
 
     def _respond(self, source: str, enter: _Enter, given: Any) -> None:
         """Publish the response to what was given, or report why it was refused."""
-        if not self.configured:
+        if self.life == 'unconfigured':
             return
         try:
             response = enter(given)
@@ -243,11 +243,11 @@ class ControllerNode(ManagedNode):
         self._loop.deactivate()
         self._report()
 
-    def _may_be_cleaned_up(self) -> bool:
-        return self._loop.mode not in MOVING_MODES or self._diagnostics.silent
-
-    def _forget(self) -> None:
+    def _forget(self) -> bool:
+        if self._loop.mode in MOVING_MODES and not self._diagnostics.silent:
+            return False
         self._loop.forget()
+        return True
 
     def _check(self, changes: dict[str, Any]) -> None:
         self._policy.check(changes)

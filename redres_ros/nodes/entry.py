@@ -13,7 +13,7 @@ _NO_SIM = '--no-sim'
 _NODES = {  # modules and classes
     'composed': ['sim.SimNode', 'controller.ControllerNode', 'planner.PlannerNode'],
     'controller': ['controller.ControllerNode'],
-    'planner': ['planner.WaitingPlannerNode'],
+    'planner': ['planner.PlannerNode'],
     'sim': ['sim.SimNode'],
 }
 

@@ -55,21 +55,16 @@ class ManagedNode(LifecycleNode):
 
     def _end(self) -> None: ...
 
-    def _forget(self) -> None: ...
-
-    def _may_be_cleaned_up(self) -> bool:
-        """Whether nothing moves any more."""
+    def _forget(self) -> bool:
+        """Reset, if nothing moves any more; returns whether it does not."""
         return True
 
     @property
     def life(self) -> str:
-        """Its state in the life cycle: unconfigured, inactive, active or finalized."""
+        """Its state in the life cycle: unconfigured, inactive, active or finalized. In all but the
+        first it listens: shut down it brings the arm to rest.
+        """
         return str(self._state_machine.current_state[1])
-
-    @property
-    def configured(self) -> bool:
-        """Whether it listens; shut down it still does, to bring the arm to rest."""
-        return self.life != 'unconfigured'
 
     @property
     def active(self) -> bool:
@@ -88,11 +83,10 @@ class ManagedNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reset, and stop listening; refused while something is still moving."""
-        if not self._may_be_cleaned_up():
-            self.get_logger().warning('cleanup refused: the arm is still coming to rest')
-            return TransitionCallbackReturn.FAILURE
-        self._forget()
-        return _DONE
+        if self._forget():
+            return _DONE
+        self.get_logger().warning('cleanup refused: the arm is still coming to rest')
+        return TransitionCallbackReturn.FAILURE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Never act again; a motion decelerates to rest, as in on_deactivate."""

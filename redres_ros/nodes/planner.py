@@ -39,9 +39,6 @@ from redres_ros.types import JointPositions, Position, Rotation
 
 _Begin = Callable[[], str]
 
-# Fraction of a cycle that is left to controller and robot before the planner computes.
-_HEADSTART = 0.15
-
 
 @dataclass(frozen=True)
 class _PlannerParameters(ListenerParameters):
@@ -111,7 +108,7 @@ class PlannerNode(ManagedNode):
     # --- states -----------------------------------------------------------------------------------
 
     def _on_state(self, message: JointState) -> None:
-        if not (self.configured and self._joints.concerns(message)):
+        if self.life == 'unconfigured' or not self._joints.concerns(message):
             return
         self._diagnostics.feed()
         with self._diagnostics.judging('joint_states'):
@@ -260,8 +257,9 @@ class PlannerNode(ManagedNode):
         self._run.stop()
         self._publish_state()
 
-    def _forget(self) -> None:
+    def _forget(self) -> bool:
         self._q = None
+        return True
 
     def _health(self) -> Health:
         values = {
@@ -272,16 +270,3 @@ class PlannerNode(ManagedNode):
         }
         stopped = self._run.stop_reason and f'the robot has stopped: {self._run.stop_reason}'
         return Health(values, self._run.state.value, stopped or self._run.remark)
-
-
-class WaitingPlannerNode(PlannerNode):
-    """A planner beside a robot in another process: it lets controller and robot run first.
-
-    All three want a processor as soon as a state comes, or its command. What the planner publishes
-    for this state acts in the next cycle, so there is time.
-    """
-
-    def _on_state(self, message: JointState) -> None:
-        if not self._settings.lockstep:
-            time.sleep(_HEADSTART * self._T)
-        super()._on_state(message)

@@ -91,18 +91,17 @@ class Spinner:
             self._stopped.set()
             thread.join()
 
-    def sleep(self, seconds: Seconds) -> None:
-        """Run callbacks for that long; for a loop in the thread of the executor."""
+    def wait(self, seconds: Seconds, event: threading.Event | None = None) -> bool:
+        """Run callbacks for that long, or until one sets the event; whether it is set. Without one
+        it is that of the end. For a loop in the thread of the executor.
+        """
         until = time.monotonic() + seconds
-        self._executor.spin_once(timeout_sec=max(seconds, 0.0))
-        while (left := until - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
-
-    def wait(self, event: threading.Event, seconds: Seconds) -> bool:
-        """Run callbacks until one sets the event, or for that long; whether it is set."""
-        until = time.monotonic() + seconds
-        while not event.is_set() and (left := until - time.monotonic()) > 0.0:
+        event = event or self._stopped
+        while not event.is_set():
+            left = max(until - time.monotonic(), 0.0)
             self._executor.spin_once(timeout_sec=left)  # returns after a callback
+            if left == 0.0:
+                break
         return event.is_set()
 
     def close(self) -> None:

@@ -154,13 +154,13 @@ class SimNode(ManagedNode):
         self._robot_clock.restart()
         while not stopped.is_set():
             if lockstep and not self.active:
-                spinner.sleep(_ASK_AGAIN)
+                spinner.wait(_ASK_AGAIN)
                 continue
             # Before the next state is out: what comes later may be a command for that one.
             commands = self._receiver.take()
             self._publish_state()
             if not lockstep:
-                spinner.wait(self._arrival, _HEADSTART / self._settings.rate)
+                spinner.wait(_HEADSTART / self._settings.rate, self._arrival)
             if self._reset_requested:
                 self._reset_requested = False
                 self._session.reset()
@@ -168,7 +168,7 @@ class SimNode(ManagedNode):
             self._publish_session()
             if lockstep:
                 # The command may have come already, in this thread; services still need a turn.
-                spinner.sleep(0.0)
+                spinner.wait(0.0)
                 self._await_command(stopped, spinner, math.inf)
             else:
                 self._keep_time(stopped, spinner)
@@ -226,7 +226,7 @@ class SimNode(ManagedNode):
 
     def _keep_time(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
-        self._robot_clock.wait(spinner.sleep)
+        self._robot_clock.wait(spinner.wait)
         if self._settings.patience and self._client_lives and self._awaits_command:
             self._await_command(stopped, spinner, self._settings.patience)
             # A client that was silent for so long is not waited for again until it sends a command.
@@ -239,7 +239,7 @@ class SimNode(ManagedNode):
         while self._awaits_command and time.monotonic() < until:
             if stopped.is_set() or not self.active:
                 return
-            if not spinner.wait(self._arrival, _ASK_AGAIN):
+            if not spinner.wait(_ASK_AGAIN, self._arrival):
                 self._state_publisher.publish(self._newest)  # it may have been lost
             self._arrival.clear()
 
