@@ -21,8 +21,7 @@ from virtual_graph import _Cycles, virtual_run
 from redres_ros.files.installation import remedy
 from redres_ros.laws import LAWS, law_name
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.lifecycle import LifeError
-from redres_ros.nodes.parameters import warn_of_misspelt
+from redres_ros.nodes.parameters import ParameterError, warn_of_misspelt
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import own_domain
 from redres_ros.nodes.sim import SimNode
@@ -67,7 +66,7 @@ def test_no_node_gets_more_parameters(cls: Any, most: int) -> None:
 
 @pytest.mark.parametrize('cls', [ControllerNode, PlannerNode, SimNode])
 def test_a_node_of_another_name_is_refused_since_others_use_it_in_topics(cls: Any) -> None:
-    with ros('-r', '__node:=ctl'), pytest.raises(LifeError, match="'ctl'; allowed: .*__ns"):
+    with ros('-r', '__node:=ctl'), pytest.raises(ParameterError, match="'ctl'; allowed: .*__ns"):
         cls()
 
 

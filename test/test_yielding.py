@@ -9,7 +9,7 @@ import pytest
 from test_command_loop import GENTLE, START, T
 
 from redres_ros import Controller, RobotModel, make_law
-from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
+from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
 from redres_ros.errors import UnknownNameError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
@@ -197,10 +197,10 @@ def test_admittance_that_goes_on_in_motion_waits_for_the_first_wrench() -> None:
 
 def test_an_arm_that_moves_or_presses_is_not_tared() -> None:
     arm = PushedArm(replace(FREE, force=(0.0, 10.0, 0.0)))
-    with pytest.raises(TareError, match='the arm is moving; expected one at rest'):
+    with pytest.raises(ContactError, match='the arm is moving; expected one at rest'):
         arm.loop.tare()
     arm.run(2.0, PUSH)
-    with pytest.raises(TareError, match='the arm yields to the force'):
+    with pytest.raises(ContactError, match='the arm yields to the force'):
         arm.loop.tare()
     arm.loop.hold(True)
     arm.run(0.1, PUSH)

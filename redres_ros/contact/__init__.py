@@ -125,11 +125,7 @@ class AdmittanceSettings:
 
 
 class ContactError(RedresError):
-    """A contact that has gone wrong: the arm is to hold."""
-
-
-class TareError(RedresError):
-    """A tare that cannot be made."""
+    """A contact that has gone wrong, so that the arm is to hold; or a tare that cannot be made."""
 
 
 class _ForceSensor:
@@ -189,15 +185,17 @@ class _ForceSensor:
     def tare(self) -> None:
         """Take what is measured now for the sensor's bias: the arm is at rest and touches nothing.
 
-        Raises TareError for a wrench that cannot be used.
+        Raises ContactError for a wrench that cannot be used.
         """
         if self.problem:
-            raise TareError(self.problem)
+            raise ContactError(self.problem)
         if len(self._recent) < _FEWEST:
-            raise TareError(f'{len(self._recent)} wrenches have come; expected {_FEWEST} or more')
+            raise ContactError(
+                f'{len(self._recent)} wrenches have come; expected {_FEWEST} or more'
+            )
         mean = np.mean(self._recent, axis=0)
         if not np.isfinite(mean).all():
-            raise TareError('some of the last wrenches are not finite')
+            raise ContactError('some of the last wrenches are not finite')
         self._bias = mean
 
 
@@ -263,12 +261,6 @@ class ContactControl:
         return self.settings.enabled or self._new is not None or self._old is not None
 
     @property
-    def moves(self) -> bool:
-        """Whether the last tick yielded to something, or retreated."""
-        yields = bool((np.abs(self.de) > _AT_REST).any())
-        return self.is_on and (self.retreats or yields)
-
-    @property
     def retreats(self) -> bool:
         """Whether the tip retreats."""
         return self._retreat is not None
@@ -314,11 +306,13 @@ class ContactControl:
         self.e = e
         self._searched += self.T * float(executed[:3] @ self._toward)
 
-    def asks(self, state: RobotState, missed: Cycles = 0) -> bool:
-        """Whether an arm that is at rest is to move: a wrench or a desired force asks for it.
+    def asks(self, state: RobotState, missed: Cycles = 0, *, at_rest: bool = True) -> bool:
+        """Whether an arm is to move, or to move on: a wrench or a desired force asks for it.
 
-        It is called in place of velocity().
+        At rest it is called in place of velocity().
         """
+        if not at_rest:
+            return self.retreats or bool((np.abs(self.de) > _AT_REST).any())
         self.sensor.advance(missed + 1)
         if not self.settings.enabled:
             self.restart()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.command import Command, Published
-from redres_ros.contact import AdmittanceSettings, ContactControl, TareError
+from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
@@ -117,12 +117,6 @@ class CommandLoop:
         return self._newest.q if self._newest else None
 
     @property
-    def commanding(self) -> bool:
-        """Whether the robot takes commands, as far as is known."""
-        takes_commands = self._session in ('', *COMMANDING)
-        return takes_commands and self._is_connected and self.faults.executes
-
-    @property
     def error(self) -> str:
         """The first reason why the arm may not move, or cannot stay where it is, and the remedy;
         empty without one.
@@ -183,12 +177,12 @@ class CommandLoop:
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
 
-        Raises TareError while the arm moves or yields, or for a wrench that cannot be used.
+        Raises ContactError while the arm moves or yields, or for a wrench that cannot be used.
         """
         if self._newest is None or self.mode in MOVING_MODES:
-            raise TareError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
+            raise ContactError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
         if self.measurements.contact.is_on and not self._held:
-            raise TareError(
+            raise ContactError(
                 'the arm yields to the force that a tare would change at once: hold it, or set '
                 'admittance.enabled to false first'
             )

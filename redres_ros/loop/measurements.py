@@ -115,9 +115,7 @@ class Measurements:
             if self._time - time <= timeout
         }
         state = self.state(q)
-        asks = self.yields and self.contact.moves
-        if self.yields and at_rest:
-            asks = self.contact.asks(state, missed)
+        asks = self.yields and self.contact.asks(state, missed, at_rest=at_rest)
         if asks or any(p.asks(state) for p in self._controller.policy.preferences):
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE

@@ -133,7 +133,7 @@ class ControllerNode(ManagedNode):
         )
         self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
-        self.create_subscription(String, 'sim/session_state', self._on_session, topics.LATCHED)
+        self.create_subscription(String, topics.SESSION, self._on_session, topics.LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.apply({})
         if self._controller.robot_interface.patience:

@@ -7,8 +7,7 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from redres_ros.errors import RedresError
-from redres_ros.nodes.parameters import check_given, declare_one
+from redres_ros.nodes.parameters import ParameterError, check_given, declare_one
 from redres_ros.parameter import Parameter
 
 _Respond = Callable[[Any, Any], Any]
@@ -18,10 +17,6 @@ _INITIAL_STATE = Parameter(
     'state of its life cycle in which the node starts',
     choices=('unconfigured', 'inactive', 'active'),
 )
-
-
-class LifeError(RedresError):
-    """An action that needs an active node."""
 
 
 class ManagedNode(LifecycleNode):
@@ -35,7 +30,7 @@ class ManagedNode(LifecycleNode):
         """A node of that name. Raises RedresError if it was remapped, or a parameter is gone."""
         super().__init__(name)
         if self.get_name() != name:
-            raise LifeError(
+            raise ParameterError(
                 f'__node is {self.get_name()!r}; allowed: {name}, which is part of the topics that '
                 f'other nodes use; a namespace keeps robots apart: -r __ns:=/{self.get_name()}'
             )

@@ -24,7 +24,7 @@ from redres_ros.nodes.conversions import (
     to_twist,
 )
 from redres_ros.nodes.diagnostics import Diagnostics, Health
-from redres_ros.nodes.lifecycle import LifeError, ManagedNode
+from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_traces
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
@@ -232,9 +232,9 @@ class PlannerNode(ManagedNode):
         return self._q
 
     def _check_ready(self) -> None:
-        """Raise GoalError or LifeError if nothing may begin."""
+        """Raise GoalError if nothing may begin."""
         if not self.active:
-            raise LifeError(f'the planner is {self.life}; activate it first')
+            raise GoalError(f'the planner is {self.life}; activate it first')
         stopped = self._run.stop_reason
         if stopped:
             raise GoalError(f'the robot has stopped: {stopped}; call sim/reset to go on')
