@@ -60,17 +60,14 @@ def client_of(node: Node) -> GraphClient:
 
 
 def call(node: Node, kind: type, service: str, request: Any) -> Any:
-    """The response of a service, asked for by a node."""
     return client_of(node).call(kind, service, request)
 
 
 def set_parameters(node: Node, of: str, values: dict[str, Any]) -> None:
-    """Set parameters of another node."""
     client_of(node).set_parameters(of, values)
 
 
 def read_parameters(node: Node, of: str) -> dict[str, Any]:
-    """All parameters of another node."""
     return client_of(node).parameters(of)
 
 
@@ -99,7 +96,6 @@ class Probe(Node):
         return self.received[topic]
 
     def send(self, message: JointState) -> None:
-        """Publish a state as it is."""
         self._states.publish(message)
 
     def state(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> JointState:
@@ -171,7 +167,6 @@ class Observer(Node):
 
     @property
     def commanding(self) -> bool:
-        """Whether the robot takes commands."""
         return bool(self.session) and self.session[-1][1] == 'CMD'
 
     @property
@@ -188,7 +183,6 @@ class Observer(Node):
         return (self.session[-1][0] - beyond) / 1e9
 
     def await_motion(self) -> None:
-        """Wait until the arm moves."""
         await_that(lambda: self.speed > 0.02, 'motion')
 
     def await_standstill(self, beyond: int) -> float:
@@ -306,7 +300,6 @@ def nodes(
 
 
 def log_lines(directory: Path, name: str) -> list[str]:
-    """What a node has printed."""
     return (directory / f'{name}.log').read_text().splitlines()
 
 

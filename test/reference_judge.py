@@ -101,7 +101,6 @@ class ReferenceJudge:
             del self._measured[next(iter(self._measured))]
 
     def enter_reference(self, stamp: int, r: np.ndarray) -> None:
-        """Judge a reference."""
         self.judged += 1
         self.references.append((stamp, r))
         if self.mode == 'inactive':
@@ -159,7 +158,6 @@ class ReferenceJudge:
         return tuple(sorted({max(count, 1) for count in nearest})) if since else ()
 
     def _judge(self, stamp: int, r: np.ndarray, counts: tuple[int, ...]) -> None:
-        """Judge a reference that the robot is to follow."""
         first, *others = counts
         before = len(self.violations)
         v_T = self._v_T

@@ -121,7 +121,6 @@ class FrankaRules:
 
 
 def fr3_rules(limits: JointLimits, T: float) -> FrankaRules:
-    """Those of an FR3."""
     rules = FrankaRules(limits, T)
     rules.slowing = Slowing()
     return rules
@@ -190,7 +189,6 @@ class StandIn:
         self.forwarding = True
 
     def deactivate(self) -> None:
-        """Deactivate the forward_position_controller."""
         self._reference = None
         self.forwarding = False
 
@@ -251,7 +249,6 @@ class StandIn:
         self._owed = 0
 
     def _move(self) -> None:
-        """The hardware goes on by a cycle."""
         self._cycle += 1
         if self._is_new:
             self.hardware.enter_reference(round(1e9 * self._cycle * self._period), self._written)

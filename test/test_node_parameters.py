@@ -50,7 +50,6 @@ OF_ROS = {'use_sim_time', 'start_type_description_service'}
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """A file of parameters, not yet written."""
     return tmp_path / 'mine.yaml'
 
 

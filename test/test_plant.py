@@ -32,9 +32,6 @@ def move(plant: MujocoPlant, motion: np.ndarray, duration: float) -> tuple[np.nd
     return references, np.array(measured)
 
 
-# --- any plant ------------------------------------------------------------------------------------
-
-
 def test_an_ideal_plant_is_where_its_reference_says():
     plant = IdealPlant(('a', 'b'), T, np.zeros(2))
     q = np.zeros(2)
@@ -56,9 +53,6 @@ def test_a_start_of_another_shape_or_not_finite_is_refused(q0):
 def test_a_start_beyond_a_limit_is_refused_by_name():
     with pytest.raises(RangeError, match='lwr_a2_joint'):
         MujocoPlant(find_arm('lwr4'), T, np.array([0.0, 2.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
-
-
-# --- MuJoCo's servos ------------------------------------------------------------------------------
 
 
 def test_no_mode_of_the_servos_is_underdamped():
@@ -108,9 +102,6 @@ def test_a_cycle_is_a_whole_number_of_plant_steps_or_an_error_that_names_both():
             MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
 
 
-# --- what MuJoCo knows of the arm -----------------------------------------------------------------
-
-
 ONE_LINK = """<robot name="one">
   <link name="base"><visual><geometry><mesh filename="package://nowhere/a.dae"/></geometry></visual></link>
   <joint name="j" type="revolute"><parent link="base"/><child link="l"/><axis xyz="0 1 0"/>
@@ -136,9 +127,6 @@ def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
 def test_a_plant_without_its_tip_frame_is_an_error():
     with pytest.raises(UnknownNameError, match='gripper'):
         MujocoPlant(replace(find_arm('lwr4'), tip_frame='gripper'), T, Q0)
-
-
-# --- pushes ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

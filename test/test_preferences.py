@@ -61,9 +61,6 @@ def test_a_torque_in_the_null_space_is_that_of_equation_32(states):
         assert policy.solve(state, DX, T).dq == pytest.approx(expected, abs=1e-9)
 
 
-# --- every preference -----------------------------------------------------------------------------
-
-
 @EVERY_PREFERENCE
 def test_the_acceleration_grows_with_the_gain(name, states):
     for state in states[:10]:
@@ -89,9 +86,6 @@ def test_the_task_is_executed_beside_a_preference(name, model, task):
         command = controller.update(q, DX)
         assert command.J @ command.dq == pytest.approx(DX, abs=1e-10)
         q = command.q_ref
-
-
-# --- gradients ------------------------------------------------------------------------------------
 
 
 def centering(model: RobotModel, q: np.ndarray) -> float:
@@ -139,9 +133,6 @@ def test_a_preference_is_the_gradient_of_its_measure(preference, measure, factor
         assert preference.acceleration(state) == pytest.approx(factor * np.array(slopes), abs=1e-7)
 
 
-# --- what they are for ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('wanted', [1e308, -1e308])
 def test_a_height_beyond_all_measure_pulls_no_harder_than_one_out_of_reach(wanted, states):
     pulled = ElbowHeight(gain=1e4, height=wanted).acceleration(states[0])
@@ -179,9 +170,6 @@ def test_a_joint_without_limits_has_no_middle(model, task):
     assert ddq_N[2] == 0.0
     assert np.isfinite(ddq_N).all()
     assert ddq_N[0] != 0.0
-
-
-# --- live -----------------------------------------------------------------------------------------
 
 
 def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():

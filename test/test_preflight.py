@@ -65,12 +65,10 @@ GOOD = GraphSnapshot(
 
 
 def parameters_with(**changed: Any) -> dict[str, Any]:
-    """The parameters of a controller that has some others than in the good graph."""
     return CONTROLLER | changed
 
 
 def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None) -> Verdict:
-    """The one verdict on a subject."""
     [verdict] = [found for found in judge(seen, wanted) if found.subject == subject]
     return verdict
 
@@ -91,17 +89,14 @@ OUTSIDE = (9.0, *ARM.start[1:])
 
 
 def good(**changed: Any) -> GraphSnapshot:
-    """The good graph, with some changes."""
     return replace(GOOD, **changed)
 
 
 def behind(**changed: Any) -> GraphSnapshot:
-    """The good graph behind ros2_control, with some changes."""
     return replace(BEHIND, **changed)
 
 
 def controlled(**changed: Any) -> GraphSnapshot:
-    """The good graph, with a controller that has some other parameters."""
     return replace(GOOD, controller=parameters_with(**changed))
 
 
@@ -192,7 +187,6 @@ def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
 
 
 def check(*options: str) -> subprocess.CompletedProcess[str]:
-    """A run of the command."""
     return subprocess.run(
         [sys.executable, '-m', 'redres_ros.cli', 'check', *options],
         capture_output=True,

@@ -11,7 +11,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def package(tag: str) -> str:
-    """The text of an element of package.xml."""
     return ElementTree.parse(ROOT / 'package.xml').getroot().findtext(tag, '')
 
 

@@ -98,12 +98,10 @@ class Arm:
         return self.graph.kept['joint_states'][-1][1].header.stamp
 
     def go(self, velocity: np.ndarray, seconds: float) -> None:
-        """Steer for some time."""
         self.operator.velocity = velocity
         self.run.run(seconds)
 
     def hold(self, wanted: bool) -> bool:
-        """Call controller/hold; whether it succeeded."""
         return bool(self.graph.call('controller/hold', data=wanted).success)
 
     def published_in(self, seconds: float) -> np.ndarray:
@@ -142,8 +140,6 @@ def offset(joint: int, by: float) -> Fault:
 
     return fault
 
-
-# --- held, and inactive ---------------------------------------------------------------------------
 
 TOO_HEAVY = {'limits': ['position', 'velocity', 'acceleration', 'torque'], 'torque_scale': 0.15}
 IN_AN_OBSTACLE = {'limits': ['position', 'velocity', 'acceleration', 'collision']}
@@ -205,9 +201,6 @@ def test_an_inactive_controller_publishes_nothing_although_a_joint_is_outside_it
     assert judge.references == []
 
 
-# --- braking is over time -------------------------------------------------------------------------
-
-
 def turn_to_the_end(arm: Arm, seconds: float) -> None:
     """Steer the tip around the base, so that A1 comes to the end of its range."""
     model = RobotModel(ARM)
@@ -226,9 +219,6 @@ def test_a_robot_of_another_rate_keeps_its_limits_and_is_an_error_that_names_bot
         assert arm.speed == 0.0
         assert arm.stop_reason == ''
         arm.judge.assert_followable()
-
-
-# --- nothing begins anew by a step ----------------------------------------------------------------
 
 
 IIWA = JointLimits.of(find_arm('iiwa7'))
@@ -261,9 +251,6 @@ def test_one_state_that_is_off_does_not_step_a_reference_from_the_measurement(ra
         arm.judge.assert_followable()
 
 
-# --- the operator's word --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ('stalled', 'first'), by_day(2, product([0.4, 2.0], ['joint_states', 'cartesian_velocity']))
 )
@@ -285,9 +272,6 @@ def test_velocities_from_before_a_stall_of_the_process_do_not_move_the_arm(
         model = RobotModel(find_arm('iiwa7'))
         way = model.tip(now.judge.references[-1][1])[0] - model.tip(before)[0]
         assert np.linalg.norm(way) < 1e-6
-
-
-# --- life cycle -----------------------------------------------------------------------------------
 
 
 def test_an_inactive_controller_cannot_be_made_to_resume() -> None:

@@ -46,7 +46,6 @@ class ContactWorld(World):
         self.change_settings()
 
     def step(self) -> None:
-        """One cycle of the robot and of its sensors."""
         self._sense()
         super().step()
 
@@ -75,7 +74,6 @@ class ContactWorld(World):
             self.loop.measurements.enter('external_torques', 0, torques)
 
     def happen(self, name: str) -> None:
-        """Something, and what follows."""
         self.disturbances[name] = self.tick + int(self.chance.geometric(1.0 / 100.0))
         if name == 'step':
             self.step_of_force = self.chance.choice(STEPS) * self.chance.normal(size=6)

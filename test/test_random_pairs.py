@@ -65,7 +65,6 @@ class Robot:
         self.velocity = np.zeros_like(self.q)
 
     def advance(self) -> None:
-        """Go on by a cycle."""
         before = self.q
         if self.newest is not None:
             self.last = self.newest
@@ -125,7 +124,6 @@ class World:
     # --- one cycle ---
 
     def step(self) -> None:
-        """One cycle of the robot."""
         self.tick += 1
         self.robot.advance()
         self._report_session()
@@ -208,25 +206,21 @@ class World:
         self.run(int(chance.integers(40, 400)))
 
     def run(self, ticks: int) -> None:
-        """Some cycles."""
         for _ in range(ticks):
             self.step()
             if self._has('law switch') and self.chance.random() < 0.1:
                 self.switch_law()
 
     def switch_law(self) -> None:
-        """To any other law."""
         self.controller.switch_law(LAW_NAMES[int(self.chance.integers(len(LAW_NAMES)))])
 
     def change_limits(self) -> None:
-        """To other ones."""
         names = LIMIT_SETS[int(self.chance.integers(len(LIMIT_SETS)))]
         scale = float(self.chance.choice((1.0, 0.5, 0.1)))
         torque = float(self.chance.choice((1.0, 0.5, 0.2)))
         self.controller.set_limits(names, limit_scale=scale, torque_scale=torque)
 
     def end_session(self) -> None:
-        """The robot takes no commands for a while."""
         self.robot.commanding = False
 
     def _report_session(self) -> None:

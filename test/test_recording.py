@@ -31,7 +31,6 @@ def tick(model: RobotModel) -> tuple[Command, Reference]:
 
 @pytest.fixture
 def recording() -> Recording:
-    """Fifty rows of awkward numbers."""
     data = np.random.default_rng(1).normal(size=(50, len(columns(7)))) * 10.0 ** np.linspace(
         -14, 14, len(columns(7))
     )

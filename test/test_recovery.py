@@ -143,9 +143,6 @@ def await_going_on(observer: Observer) -> None:
     await_that(lambda: observer.commanding and observer.speed > 0.02, 'motion in command mode')
 
 
-# --- parts that fail ------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope='class')
 def moving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     """The arm moves."""
@@ -200,9 +197,6 @@ class TestStopped:
         assert not observer.commanding  # before somebody has seen to it
         assert observer.reset() < RECOVERY
         await_going_on(observer)
-
-
-# --- what the robot tolerates ---------------------------------------------------------------------
 
 
 @pytest.fixture(scope='class')

@@ -22,7 +22,6 @@ Source = Callable[[int, np.ndarray], np.ndarray]
 def follow(
     arm: str, q: np.ndarray, source: Source, ticks: int, law='minimum_velocity', limits=BOX
 ) -> list[Command]:
-    """Commands to an ideal arm."""
     model = RobotModel.named(arm)
     controller = Controller(model, law, T, limits=limits)
     commands = []
@@ -34,7 +33,6 @@ def follow(
 
 
 def steady(*dx: float) -> Source:
-    """Always the same task velocity [m/s]."""
     return lambda tick, x: np.array(dx)
 
 
@@ -47,9 +45,6 @@ def beyond_the_range(arm: str, joint: int, excess: float) -> np.ndarray:
     q = start_of(arm)
     q[joint] = RobotModel.named(arm).q_max[joint] + excess
     return q
-
-
-# --- limits ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -68,9 +63,6 @@ def test_an_arm_beside_its_end_or_without_a_direction_moves_as_it_should(
     q = start_of(arm) if excess is None else beyond_the_range(arm, 1, excess)
     commands = follow(arm, q, steady(*dx), 100)
     assert commands[-1].J @ commands[-1].dq == pytest.approx(dx, abs=1e-9)
-
-
-# --- singularities --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('arm', ['lwr4', 'iiwa7'])
@@ -117,9 +109,6 @@ def test_isaaclab_7862_no_pose_ends_with_joints_pinned_at_their_ends() -> None:
         x, R = model.tip(q)
         assert np.linalg.norm(rotation_error(R, R_d)) < 0.01
         assert np.linalg.norm(x_d - x) < 0.01
-
-
-# --- twists ---------------------------------------------------------------------------------------
 
 
 def sometimes(fraction: float) -> Callable[[int], bool]:

@@ -25,15 +25,10 @@ BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: te
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
-# --- the paper's geometry -------------------------------------------------------------------------
-
-
 def test_the_start_of_the_paper_is_at_its_first_point(model):
     # q(0) is given to 0.01 degrees
     assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3
 
-
-# --- kinematics -----------------------------------------------------------------------------------
 
 STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 / 6 both stay below 1e-10
 DIFFERENCES = 1e-9
@@ -71,9 +66,6 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
     ) == pytest.approx(0.4)
 
 
-# --- dynamics, computed three ways ----------------------------------------------------------------
-
-
 def urdf_links(d: np.ndarray) -> independent.Links:
     """The LWR's inertias as its URDF states them."""
     inertials = [
@@ -105,9 +97,6 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
         state = model.state(q, dq)
         for got, array in zip((state.x, state.J[:3], state.M, state.n), expected, strict=True):
             assert np.abs(got - array[row]).max() < AGREEMENT
-
-
-# --- the identified dynamics ----------------------------------------------------------------------
 
 
 def gravity_moment(**joints: float) -> np.ndarray:
@@ -144,9 +133,6 @@ def test_rotors_add_what_was_identified_and_couple_nothing():
     assert added == pytest.approx(np.diag(np.diag(added)), abs=1e-12)
 
 
-# --- arrays ---------------------------------------------------------------------------------------
-
-
 def test_no_later_call_overwrites_a_state(model):
     q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)
@@ -161,8 +147,6 @@ def test_no_later_call_overwrites_a_state(model):
         (getattr(state, name) == then).all() for name, then in zip(QUANTITIES, before, strict=True)
     )
 
-
-# --- what cannot be used --------------------------------------------------------------------------
 
 BAD_VECTORS = [
     np.zeros(6),
@@ -197,9 +181,6 @@ def test_an_offset_out_of_range_is_refused_by_name(which, offset):
         find_arm('lwr4', **{which: offset})
 
 
-# --- parameters of an arm -------------------------------------------------------------------------
-
-
 def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
     assert model.joint_names == tuple(
         f'lwr_{axis}_joint' for axis in ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6')
@@ -207,9 +188,6 @@ def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
     assert model.q_max == pytest.approx(np.radians((170, 120, 170, 120, 170, 120, 170)))
     assert model.q_min == pytest.approx(-model.q_max)
     assert model.dq_max == pytest.approx(np.radians((120, 120, 160, 160, 250, 220, 220)))
-
-
-# --- copies ---------------------------------------------------------------------------------------
 
 
 def pickled(original: object) -> object:

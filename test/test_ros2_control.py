@@ -55,7 +55,6 @@ class Scene:
         return float(np.abs(r - r_before).max()) / ((now - before) / 1e9)
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
         self.graph.clock.advance(seconds)
 
     def assert_well(self) -> None:
@@ -79,7 +78,6 @@ def scene(directory: Path, rate: float, habits: Habits | None = None) -> Iterato
 
 
 def plan(graph: Graph, robot: StandIn) -> None:
-    """Have the planner go somewhere."""
     x, R = RobotModel(ARM).tip(robot.q)
     graph.publish('target_pose', to_pose(0, '', x + AIM, R))
 
@@ -251,8 +249,6 @@ def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: 
         assert now.speed > 0.01
         now.robot.hardware.assert_followable()
 
-
-# --- somebody else moves the arm ------------------------------------------------------------------
 
 WAYS = (0.004, 0.03, 0.08, 0.4)  # [rad] of each joint, back from its range's end
 EXPLAINED = 0.005  # [rad] by a servo at rest

@@ -33,11 +33,7 @@ FIVE = (1.0,) * 5
 
 
 def held(name: str, state: RobotState) -> Task:
-    """The task of that name, holding what it is at a state."""
     return replace(make_task(name), target=()).with_initial_targets(state)
-
-
-# --- every task -----------------------------------------------------------------------------------
 
 
 @EVERY_TASK
@@ -90,9 +86,6 @@ def test_it_never_disturbs_the_first_task(name, law, model, task):
         size = 1.0 + np.linalg.norm(command.dq)
         assert np.abs(command.J @ command.dq - DX).max() < 1e-10 * size
         q = command.q_ref
-
-
-# --- what they hold -------------------------------------------------------------------------------
 
 
 def follow(controller: Controller, q: np.ndarray, seconds: float) -> np.ndarray:
@@ -157,9 +150,6 @@ def test_tasks_are_kept_in_the_order_of_priority(model, task):
         errors[type(order[0])] = [np.linalg.norm(each.error(state)) for each in held]
     assert errors[Orientation][0] < 1e-3 < errors[Orientation][1]
     assert errors[Joint][1] < 0.02 < errors[Joint][0]
-
-
-# --- the first task -------------------------------------------------------------------------------
 
 
 @EVERY_LAW

@@ -123,9 +123,6 @@ def test_the_reason_has_the_last_refusal_unless_a_valid_command_came_since(since
     assert session.reason == (words if since else words + refused)
 
 
-# --- profiles ------------------------------------------------------------------------------------
-
-
 LIFE = [*[3] * 50, *[0] * 300, *[None] * 200, *[0] * 300]  # late, in time, silent, in time
 LIFE += ['reset', *[None] * 200, *[3] * 50, *[0] * 300, 'stop', 'reset', 'stop']
 WAITING = 'MONITORING_WAIT MONITORING_READY'
@@ -239,9 +236,6 @@ class AnySession(RuleBasedStateMachine):
 
 TestAnySession = AnySession.TestCase
 TestAnySession.settings = settings(max_examples=60, stateful_step_count=20)
-
-
-# --- timing ---------------------------------------------------------------------------------------
 
 
 @given(

@@ -82,7 +82,6 @@ def led_inward(arm: str, law: str) -> list[Command]:
 
 
 def check(arm: str, commands: list[Command]) -> None:
-    """Accelerations within limits."""
     allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
     assert all((np.abs(command.ddq) <= allowed).all() for command in commands)
 
@@ -105,9 +104,6 @@ def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law
     x, _ = model_of(arm).tip(q)
     x_end, _ = model_of(arm).tip(commands[-1].q_ref)
     assert -(x_end - x) @ outward > 0.7 * 400 * T * SPEED
-
-
-# --- along a path, as a planner asks for it -------------------------------------------------------
 
 
 # the command of a tick, the velocity that was asked for (3,), and the error [m]
@@ -133,7 +129,6 @@ def ticks_along(
 
 
 def inward(arm: str) -> Path:
-    """Straight away from the stretched arm, 0.1 m."""
     q, outward = stretched(arm)
     x, _ = model_of(arm).tip(q)
     way = -0.1 * outward

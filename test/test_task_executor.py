@@ -31,7 +31,6 @@ class Arm:
         self.run = TaskExecutor(T, lockstep=lockstep)
 
     def enter(self) -> Step | None:
-        """The newest state."""
         return self.run.enter_state(self.cycle * NS, self.q, self.x, np.eye(3), self.cycle * T)
 
     def tick(self, scaling: float | None) -> Step | None:
@@ -70,9 +69,6 @@ def dq(step: Step | None) -> np.ndarray:
 def waits(step: Step | None) -> bool:
     """Whether the controller is asked for zero velocity."""
     return step is not None and step.dx is not None and not (step.dx.any() or step.reference)
-
-
-# --- beginning and end ----------------------------------------------------------------------------
 
 
 def test_the_task_begins_when_the_controller_follows_and_not_before() -> None:
@@ -117,9 +113,6 @@ def test_stop_asks_for_nothing_and_begin_begins_again() -> None:
     assert arm.run.start_stamp == arm.cycle * NS
 
 
-# --- states ---------------------------------------------------------------------------------------
-
-
 def test_a_state_out_of_order_changes_nothing() -> None:
     arm = under_way()
     start = arm.run.start_stamp
@@ -157,9 +150,6 @@ def test_only_a_clock_that_is_set_by_no_more_than_a_second_ends_no_goal(
         arm.tick(1.0)
     arm.tick(1.0)
     assert (arm.run.state is TaskState.MOVING) is goes_on
-
-
-# --- interruptions --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('scaling', [None, 0.0])
@@ -217,9 +207,6 @@ def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
     arm.tick(1.0)
     assert arm.run.state is TaskState.MOVING
     assert arm.run.remark == ''
-
-
-# --- goals ----------------------------------------------------------------------------------------
 
 
 def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
@@ -298,9 +285,6 @@ def test_after_a_hold_on_the_way_home_it_begins_anew_from_where_the_joints_are()
     assert np.abs(dq(arm.tick(1.0))).max() < 0.01
     go_home(arm)
     assert arm.run.state is TaskState.MOVING
-
-
-# --- progress -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -39,9 +39,6 @@ def refusal(name_or_path: str, error: type[RedresError]) -> str:
     return message
 
 
-# --- good ones ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('name', SHIPPED)
 def test_a_shipped_task_starts_at_its_first_point(name):
     task = load_task(name)
@@ -73,9 +70,6 @@ def test_a_file_may_have_parameters_of_the_nodes_and_changes_of_them(tmp_path):
     task = load_task(written(tmp_path, nodes=nodes, events=events))
     assert task.nodes['sim'] == {'contact_shape': 'table', 'contact_position': (0.5, 0.0, 0.1)}
     assert task.events == ((2.0, 'sim', {'push_link': 'elbow'}),)
-
-
-# --- bad ones -------------------------------------------------------------------------------------
 
 
 def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
@@ -133,8 +127,6 @@ def test_orientations_that_leave_something_open_are_refused(tmp_path, given):
     refusal(written(tmp_path, **given), FileError)
 
 
-# --- hostile ones: each ends at once, with one line -----------------------------------------------
-
 HOSTILE = {
     'a number of 400 digits': ('waypoints: [[1' + '0' * 400 + ', 0, 0], [0, 0, 0]]', 'waypoints'),
     'a number of 400 digits in a scalar': ('segment_time: 1' + '0' * 400, 'segment_time'),
@@ -157,8 +149,6 @@ def test_a_hostile_file_is_refused_with_a_short_line(tmp_path, line, words):
     assert words in message
     assert len(message) < len(str(path)) + 250
 
-
-# --- orientations ---------------------------------------------------------------------------------
 
 DOWN = np.diag((1, -1, -1))
 

@@ -55,7 +55,6 @@ def robot(namespace: str, arm: str, log: Path) -> Iterator[None]:
 
 
 def law(probe: Probe, namespace: str) -> str:
-    """The law that an arm's controller has."""
     request = GetParameters.Request(names=['law'])
     response = call(probe, GetParameters, f'{namespace}/controller/get_parameters', request)
     return str(response.values[0].string_value)

@@ -48,9 +48,6 @@ BROWSER_PATIENCE = 100.0  # [s]; it draws without a graphics card
 CHROMIUM = ('/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome')
 
 
-# --- who may load it ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:8080'])
 def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
     assert not serving._refusal([host], [], PORT, steers=False)
@@ -138,9 +135,6 @@ def test_a_server_without_the_check_is_shut(monkeypatch: pytest.MonkeyPatch) -> 
     assert stopped
 
 
-# --- what it shows --------------------------------------------------------------------------------
-
-
 def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
     shown = panel.state_text(dict.fromkeys(WORDS, evil), {'sim': NodeHealth(evil, True)}, 0.0)
@@ -196,7 +190,6 @@ class SubscribedTelemetry:
         self.messages: dict[str, list[Any]] = {name: [] for name in self.subscribed}
 
     def publish(self, name: str, make: Any) -> None:
-        """Keep a message."""
         if name in self.subscribed:
             self.messages[name].append(make())
 
@@ -274,9 +267,6 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
     bindings.set(SimpleNamespace(client=client), 'controller', {'law': 'minimum_velocity'})
     assert shown == ['minimum_torque'] and reported == ['controller refused']
-
-
-# --- beside a running graph -----------------------------------------------------------------------
 
 
 def test_samples_wait_in_their_order_until_they_are_taken() -> None:

@@ -39,7 +39,6 @@ def text_of(
     health: dict[str, NodeHealth] = WELL,
     joints: tuple[_JointBar, ...] = (),
 ) -> str:
-    """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(_page(values, health, 7, joints))
     return console.export_text()

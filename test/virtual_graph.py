@@ -41,7 +41,6 @@ EPOCH = 1_700_000_000 * 10**9  # [ns] at which it shows 0
 
 
 def no_fault(message: Any, now: float) -> list[tuple[float, Any]]:
-    """Every message at once."""
     return [(0.0, message)]
 
 
@@ -54,7 +53,6 @@ class VirtualTime:
         self._number = count()
 
     def monotonic(self) -> float:
-        """In the place of time.monotonic."""
         return self.now
 
     def time_ns(self) -> int:
@@ -69,8 +67,6 @@ class VirtualTime:
             heapq.heappush(self._due, (self.now + delay, next(self._number), call))
 
     def repeat(self, period: float, call: Callable[[], object]) -> None:
-        """Have something called every period [s]."""
-
         def again() -> None:
             call()
             self.call_in(period, again)
@@ -126,7 +122,6 @@ class Graph:
         return receiver
 
     def leave(self, topic: str, receiver: _Receiver) -> None:
-        """Remove a listener."""
         self._receivers[topic].remove(receiver)
 
     def stall(self, listener: str) -> None:
@@ -143,7 +138,6 @@ class Graph:
                 arrive()
 
     def is_stalled(self, listener: str) -> bool:
-        """Whether a node's process is stopped."""
         return listener in self._stalled
 
     def publish(self, topic: str, message: Any, *, latched: bool = False) -> None:
@@ -160,11 +154,9 @@ class Graph:
             self._deliver(topic, receiver, sent, now)
 
     def listeners(self, topic: str) -> int:
-        """How many there are."""
         return len(self._receivers.get(topic, ()))
 
     def call(self, name: str, **request: Any) -> Any:
-        """The response of a service."""
         kind, respond = self.services[name]
         return respond(kind.Request(**request), kind.Response())
 
@@ -248,7 +240,6 @@ class _Timer:
     cancelled = False
 
     def cancel(self) -> None:
-        """End it."""
         self.cancelled = True
 
 
@@ -260,11 +251,9 @@ class _Client:
         self._name = name
 
     def service_is_ready(self) -> bool:
-        """Whether somebody offers it."""
         return self._name in self._graph.services
 
     def call_async(self, request: Any) -> Future:
-        """A future that is done."""
         kind, respond = self._graph.services[self._name]
         future = Future()
         future.set_result(respond(request, kind.Response()))
@@ -287,7 +276,6 @@ class _Wire:
         self._graph.publish(self._topic, message, latched=self._latched)
 
     def get_subscription_count(self) -> int:
-        """Of listeners."""
         return self._graph.listeners(self._topic)
 
 
@@ -299,7 +287,6 @@ class _Logger:
         self._name = name
 
     def info(self, line: str, **options: Any) -> None:
-        """Note a line."""
         self._graph.log.append((self._name, line))
 
     warning = info
@@ -336,7 +323,6 @@ class VirtualRun:
 
     @property
     def now(self) -> float:
-        """Virtual time since the beginning [s]."""
         return self.graph.clock.now - _BEGINNING
 
     @property
@@ -365,7 +351,6 @@ class VirtualRun:
         return of_node[-1]
 
     def run(self, seconds: float) -> None:
-        """Let the robot go on for some time."""
         stopped = threading.Event()
         self.graph.clock.call_in(seconds, stopped.set)
         self.nodes['sim'].run(stopped, _Cycles(self.graph.clock))

@@ -9,7 +9,6 @@ from virtual_graph import Fault
 
 
 def off() -> Fault:
-    """Nothing arrives."""
     return lambda message, now: []
 
 
@@ -139,7 +138,6 @@ class Channel(NamedTuple):
 
 
 def off_by_far(message: Any) -> None:
-    """All joints are 0.2 rad off."""
     of_joints(message, 0.2)
 
 
@@ -187,7 +185,6 @@ FAULTS = ('off', 'stuck', 'garbage', 'wrong', 'slow', 'delayed', 'intermittent',
 
 
 def make_fault(channel: Channel, name: str) -> Fault:
-    """A new one."""
     if name == 'garbage':
         return changed(*channel.garbage)
     if name == 'wrong':
