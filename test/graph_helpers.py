@@ -11,12 +11,9 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -61,10 +58,6 @@ def client_of(node: Node) -> GraphClient:
 
 def call(node: Node, kind: type, service: str, request: Any) -> Any:
     return client_of(node).call(kind, service, request)
-
-
-def set_parameters(node: Node, of: str, values: dict[str, Any]) -> None:
-    client_of(node).set_parameters(of, values)
 
 
 def read_parameters(node: Node, of: str) -> dict[str, Any]:
@@ -137,8 +130,7 @@ class Probe(Node):
 
 
 class Observer(Node):
-    """Records what robot and controller send each other, and checks it; sets and calls what a
-    test wants.
+    """Records what robot and controller send each other, and checks it.
 
     `at`: stamp [ns] of the newest state; `session`: (stamp at which it was received, state).
     """
@@ -151,16 +143,11 @@ class Observer(Node):
         self.session: list[tuple[int, str]] = []
         self.modes: list[str] = []  # of the controller
         self.reasons: list[str] = []
-        self.filter_counts: list[int] = []  # references that the safety filter has changed
-        self._setter = self.create_client(
-            SetParametersAtomically, 'controller/set_parameters_atomically'
-        )
         everything = QoSProfile(depth=50_000)
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
         self.create_subscription(String, SESSION, self._on_session, LATCHED)
         self.create_subscription(String, MODE, self._on_mode, LATCHED)
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(
             String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED
         )
@@ -182,9 +169,6 @@ class Observer(Node):
         await_that(lambda: self.commanding and self.session[-1][0] >= beyond, 'command mode')
         return (self.session[-1][0] - beyond) / 1e9
 
-    def await_motion(self) -> None:
-        await_that(lambda: self.speed > 0.02, 'motion')
-
     def await_standstill(self, beyond: int) -> float:
         """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's
         clock [s].
@@ -197,14 +181,6 @@ class Observer(Node):
 
         await_that(lambda: bool(began()), 'standstill')
         return (began()[0] - beyond) / 1e9
-
-    def set_controller(self, **values: Any) -> SetParametersResult:
-        """Set parameters of the controller, by a client that stays: quickly, and many times."""
-        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        assert self._setter.wait_for_service(PATIENCE)
-        future = self._setter.call_async(SetParametersAtomically.Request(parameters=wanted))
-        await_that(future.done, 'the parameters', every=0.0005)
-        return future.result().result
 
     def reset(self) -> float:
         """Call sim/reset and wait for command mode; how long it took on the robot's clock [s]."""
@@ -239,11 +215,6 @@ class Observer(Node):
 
     def _on_mode(self, message: String) -> None:
         self.modes.append(message.data)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for value in message.status[0].values:
-            if value.key == 'references changed by the safety filter':
-                self.filter_counts.append(int(value.value))
 
 
 def speed(before: State, now: State) -> float:

@@ -92,11 +92,6 @@ class Arm:
         reason: str = self.run.nodes['sim']._session.reason
         return reason
 
-    @property
-    def newest_stamp(self) -> Any:
-        """Of the newest state."""
-        return self.graph.kept['joint_states'][-1][1].header.stamp
-
     def go(self, velocity: np.ndarray, seconds: float) -> None:
         self.operator.velocity = velocity
         self.run.run(seconds)
@@ -123,7 +118,6 @@ def commanded(
     controller['rate'] = controller_rate or rate
     with virtual_run(rate, sim=sim, controller=controller) as run:
         run.graph.kept['/diagnostics'] = []
-        run.graph.kept['joint_states'] = []
         arm = Arm(run, judge_graph(run.graph, LIMITS, rate, 'extrapolate'))
         run.run_until(lambda: run.commanding, 3.0)
         run.run(0.1)
@@ -155,11 +149,6 @@ def held(**controller: Any) -> Iterator[Arm]:
         yield arm
 
 
-def sphere_at(x: np.ndarray) -> str:
-    """An obstacle with its middle at x (3,) [m]."""
-    return f'sphere {x[0]} {x[1]} {x[2]} 0.1'
-
-
 def make_too_heavy(arm: Arm) -> None:
     """Leave the arm's torque limits less than its own weight asks for."""
     assert arm.run.set('controller', **TOO_HEAVY)
@@ -168,7 +157,8 @@ def make_too_heavy(arm: Arm) -> None:
 def put_an_obstacle_at_the_tip(arm: Arm) -> None:
     """Make the tip collide."""
     x, _ = RobotModel(ARM).tip(arm.reference)
-    assert arm.run.set('controller', **{'scene.obstacles': sphere_at(x)}, **IN_AN_OBSTACLE)
+    sphere = f'sphere {x[0]} {x[1]} {x[2]} 0.1'
+    assert arm.run.set('controller', **{'scene.obstacles': sphere}, **IN_AN_OBSTACLE)
 
 
 def shift_an_encoder(arm: Arm) -> None:

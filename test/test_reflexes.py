@@ -28,7 +28,6 @@ LIMITS = JointLimits.of(find_arm('fr3'))
 START = np.array(find_arm('fr3').start)
 FIRST = np.eye(7)[0]  # the first joint alone
 ROUNDING = 1e-12  # [rad]
-OPERATED = 20.0  # [s] of each run under an operator
 
 
 class Client:

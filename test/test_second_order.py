@@ -33,14 +33,6 @@ class Tick(NamedTuple):
     J_prev: np.ndarray
     dx_prev: np.ndarray
 
-    @property
-    def ddx(self) -> np.ndarray:
-        return (DX - self.dx_prev) / T
-
-    @property
-    def dJ_dq(self) -> np.ndarray:
-        return (self.state.J[:3] - self.J_prev) / T @ self.state.dq_prev
-
 
 @pytest.fixture(scope='module')
 def ticks(model: RobotModel, states: list[RobotState]) -> list[Tick]:

@@ -49,12 +49,6 @@ def slow() -> Fault:
     return fault
 
 
-def lossy(share: float, seed: int = 0) -> Fault:
-    """A share of the messages, 0 to 1, gets lost."""
-    chance = np.random.default_rng(seed)
-    return lambda message, now: [] if chance.random() < share else [(0.0, message)]
-
-
 def late(*, most: float, share: float, seed: int = 0) -> Fault:
     """A share of the messages, 0 to 1, comes late by up to some time [s]."""
     chance = np.random.default_rng(seed)
@@ -95,19 +89,6 @@ def reordered() -> Fault:
     return fault
 
 
-def of_joints(message: Any, offset: float) -> None:
-    """Positions [rad] that are off."""
-    for joint in range(len(message.position)):
-        message.position[joint] += offset
-
-
-def of_vector(vector: Any, factor: float) -> None:
-    """A vector that is longer."""
-    vector.x *= factor
-    vector.y *= factor
-    vector.z *= factor
-
-
 BAD_JOINTS: tuple[Callable[[Any], None], ...] = (
     lambda message: message.position.__setitem__(2, np.nan),
     lambda message: setattr(message, 'position', message.position[:-1]),
@@ -138,13 +119,15 @@ class Channel(NamedTuple):
 
 
 def off_by_far(message: Any) -> None:
-    of_joints(message, 0.2)
+    message.position = [q + 0.2 for q in message.position]
 
 
 def in_millimetres(message: Any) -> None:
     """Millimetres for metres, of a twist or a pose."""
     vector = message.twist.linear if hasattr(message, 'twist') else message.pose.position
-    of_vector(vector, 1000.0)
+    vector.x *= 1000.0
+    vector.y *= 1000.0
+    vector.z *= 1000.0
 
 
 def with_word(word: Any) -> Callable[[Any], None]:
