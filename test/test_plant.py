@@ -9,6 +9,7 @@ from reference_model import ReferenceModel
 
 from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.geometry import quintic
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, find_arm
 
@@ -16,20 +17,15 @@ T = 0.002  # [s]
 MOVE = np.array([1.0, -0.7, -0.8, -1.0, 0.8, 0.7, 1.0])  # away from the joint limits
 
 
-def quintic(s: np.ndarray) -> np.ndarray:
-    """Rest-to-rest profile of Eq. (36)."""
-    return s**3 * (10.0 + s * (6.0 * s - 15.0))
-
-
 def move(plant: MujocoPlant, motion: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
     """References and measured positions, both (N, 7), of a motion from rest to rest."""
     times = np.arange(1, round(duration / T) + 1) * T
-    references = plant.q + quintic(times / duration)[:, None] * motion
+    references = [plant.q + quintic(t / duration)[0] * motion for t in times]
     measured = []
     for reference in references:
         plant.step(reference)
         measured.append(plant.q)
-    return references, np.array(measured)
+    return np.array(references), np.array(measured)
 
 
 def test_an_ideal_plant_is_where_its_reference_says():

@@ -64,10 +64,6 @@ GOOD = GraphSnapshot(
 )
 
 
-def parameters_with(**changed: Any) -> dict[str, Any]:
-    return CONTROLLER | changed
-
-
 def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None) -> Verdict:
     [verdict] = [found for found in judge(seen, wanted) if found.subject == subject]
     return verdict
@@ -79,7 +75,7 @@ def test_where_all_is_well_every_finding_is_ok() -> None:
 
 BEHIND = replace(
     GOOD,
-    controller=parameters_with(robot_interface='ros2_control'),
+    controller={**CONTROLLER, 'robot_interface': 'ros2_control'},
     subscribers={FORWARD: ['/forward_position_controller']},
     publishers={STATES: ['/robot'], FORWARD: ['/controller'], TWISTS: ['/planner']},
     forward_joints=[*NAMES],
@@ -92,12 +88,8 @@ def good(**changed: Any) -> GraphSnapshot:
     return replace(GOOD, **changed)
 
 
-def behind(**changed: Any) -> GraphSnapshot:
-    return replace(BEHIND, **changed)
-
-
 def controlled(**changed: Any) -> GraphSnapshot:
-    return replace(GOOD, controller=parameters_with(**changed))
+    return good(controller={**CONTROLLER, **changed})
 
 
 def with_another(names: tuple[str, ...]) -> GraphSnapshot:
@@ -129,7 +121,7 @@ FAULTS = [  # what is seen, subject of the fault, words in it
     (good(subscribers={}), 'commands', 'needs robot_interface'),
     (controlled(robot_interface='ros2_control'), 'commands', f'{FORWARD} has no subscriber'),
     (good(publishers=WITH_RIVAL), 'commands', f'/gui publishes {FORWARD} too'),
-    (behind(words={MODE: 'mirroring'}), 'forwarding', 'no commands'),
+    (replace(BEHIND, words={MODE: 'mirroring'}), 'forwarding', 'no commands'),
     (good(forward_joints=[*NAMES[::-1]]), 'order', f'has the joints {NAMES[6]}'),
     (good(words={REASON: 'protective stop'}), 'session', 'stopped: protective stop'),
 ]
@@ -150,7 +142,7 @@ NOTES = [
     (good(publishers=WITH_TWO_SOURCES), 'task', '/planner, /view publish'),
     (with_another(('left', 'right')), 'states', '/fingers, /robot publish joint_states; only one'),
     (good(words={SESSION: 'MON'}), 'session', 'takes no commands yet: MON'),
-    (behind(), 'forwarding', 'list_controllers'),
+    (BEHIND, 'forwarding', 'list_controllers'),
     (good(states=states(stamp=lambda k: 10**12 + k * T)), 'clock', "from this computer's"),
 ]
 
@@ -170,19 +162,19 @@ def test_states_of_a_second_broadcaster_without_joints_of_the_arm_are_not_counte
 
 
 def test_a_gripper_among_the_joints_is_ignored() -> None:
-    seen = replace(GOOD, states=states(lambda k: (*ARM.start, 0.02), names=(*NAMES, 'finger')))
+    seen = good(states=states(lambda k: (*ARM.start, 0.02), names=(*NAMES, 'finger')))
     assert beyond('joints', seen).text == 'all 7; ignored: finger'
 
 
 def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> None:
-    seen = replace(GOOD, controller=None, controllers=0)
+    seen = good(controller=None, controllers=0)
     assert beyond('joints', seen, ExpectedArm('lwr4')).level is Level.OK
     assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level is Level.FAULT
 
 
 def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
-    of_a_topic = parameters_with(robot='topic', tip_frame='tool0')
-    seen = replace(GOOD, controller=of_a_topic, description=ARMS['lwr4'].description())
+    of_a_topic = controlled(robot='topic', tip_frame='tool0')
+    seen = replace(of_a_topic, description=ARMS['lwr4'].description())
     assert beyond('joints', seen).text == 'all 7'
 
 

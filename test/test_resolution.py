@@ -100,62 +100,31 @@ def test_arguments_are_left_as_they_are():
 # --- near a singularity ---------------------------------------------------------------------------
 
 
-def near_singular(ratio: float, largest: float = 1.7) -> np.ndarray:
+def near_singular(ratio: float, largest: float) -> np.ndarray:
     """J (3, 7), always in the same directions, whose smallest singular value is that share of the
     largest one.
     """
     return with_singular_values(largest * np.array((1.0, 0.6, ratio)), 7, np.random.default_rng(5))
 
 
-def gain(J: np.ndarray) -> float:
-    """Largest joint speed for a unit of task speed."""
-    return np.linalg.norm([resolve(J, dx, np.zeros(7)) for dx in np.eye(len(J))], 2)
-
-
-@pytest.mark.parametrize('ratio', [*np.logspace(-14, -1, 40), SINGULAR_RATIO])
-@pytest.mark.parametrize('largest', [0.01, 1.7, 100.0])
-def test_the_gain_has_a_bound(ratio, largest):
-    bound = 1.0 / (SINGULAR_RATIO * largest)
-    assert gain(near_singular(ratio, largest)) <= bound * (
-        1.0 + 1e-9
-    )  # rounding of s^2 / max(s)^2, 1e-16 / 1e-6
-
-
 @WEIGHTS
-@pytest.mark.parametrize('ratio', [0.9, 0.3, 0.01, 0.0])
-def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighted, ratio):
+@pytest.mark.parametrize('ratio', [1.01, 0.9, 0.3, 0.01, 0.0])
+@pytest.mark.parametrize('largest', [0.1, 10.0])
+def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighted, ratio, largest):
     """The rest is what the motion without that direction does along it (end of Appendix A)."""
-    J = near_singular(ratio * SINGULAR_RATIO)
+    J = near_singular(ratio * SINGULAR_RATIO, largest)
     W = random_problem(3, 7, 1)[3] if weighted else None
     b = np.linspace(-1.0, 1.0, 7)
     dx = np.array((0.1, -0.2, 0.3))
     U = np.linalg.svd(J)[0]
     lost = U[:, 2]
     without = resolve(U[:, :2].T @ J, U[:, :2].T @ dx, b, W)
-    share = ratio**2
+    share = min(ratio, 1.0) ** 2
     expected = share * (lost @ dx) + (1.0 - share) * (lost @ J @ without)
     dq = resolve(J, dx, b, W)
     assert lost @ J @ dq == pytest.approx(expected, abs=1e-9)
     change = dq - b if W is None else W @ (dq - b)
     assert null_space(J).T @ change == pytest.approx(0.0, abs=1e-9)  # Section 3: still the least
-
-
-def test_above_the_threshold_the_task_is_executed_exactly():
-    J = near_singular(1.01 * SINGULAR_RATIO)
-    dx = np.array((0.1, -0.2, 0.3))
-    assert J @ resolve(J, dx, np.ones(7)) == pytest.approx(dx, abs=1e-9)  # condition of J J': 1e6
-
-
-def test_crossing_the_threshold_makes_no_jump():
-    dx = np.array((0.1, -0.2, 0.3))
-    b = np.linspace(-1.0, 1.0, 7)
-    for step in (1e-4, 1e-6, 1e-8):
-        below, above = (
-            resolve(near_singular(SINGULAR_RATIO * (1.0 + sign * step)), dx, b)
-            for sign in (-1.0, 1.0)
-        )
-        # The gain's slope is 1 / e on one side and -1 / e on the other; e = 0.0017, |dx| < 0.4.
-        assert np.linalg.norm(above - below) < 2.0 * step * 0.4 / (SINGULAR_RATIO * 1.7) + 1e-6
 
 
 @pytest.mark.parametrize('W', [None, np.diag(np.arange(1.0, 8.0))])

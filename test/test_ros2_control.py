@@ -321,3 +321,22 @@ def test_an_arm_that_others_move_is_taken_over_where_it_is(
         moved = now.robot.q
         now.advance(0.5)
         np.testing.assert_array_equal(now.robot.q, moved)
+
+
+@pytest.mark.parametrize(
+    ('stalled', 'first'), by_day(2, product([0.4, 2.0], ['joint_states', 'cartesian_velocity']))
+)
+def test_velocities_from_before_a_stall_of_the_process_do_not_move_the_arm(
+    stalled: float, first: str, tmp_path: Path
+) -> None:
+    with scene(tmp_path, 100.0) as now:
+        now.advance(1.0)
+        before = now.robot.q
+        now.graph.stall('controller')
+        teleoperate(now.graph, now.robot)
+        now.advance(0.2)
+        now.graph.faults['cartesian_velocity', 'controller'] = off()
+        now.advance(stalled - 0.2)  # longer than velocities are good for
+        now.graph.resume('controller', first)
+        now.advance(1.0)
+        np.testing.assert_array_equal(now.robot.q, before)

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from imports import PACKAGE, ROS, WITH_ROS, imports, subpackage
+from imports import PACKAGE, ROS
 from nightly import by_day
 
 import redres_ros
@@ -52,16 +52,6 @@ def test_a_pinocchio_that_is_too_old_is_named_in_one_line():
     [line] = result.stderr.splitlines()
     assert line.startswith('redres simulate: got Pinocchio 2.7.0 in')
     assert 'allowed: 3.3.1 or newer' in line
-
-
-def test_the_core_loads_without_ros():
-    modules = {
-        found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.')
-        for found in imports()
-        if subpackage(found.file) not in (*WITH_ROS, '__init__.py')
-    }
-    result = run_blocked('\n'.join(f'import redres_ros.{module}' for module in sorted(modules)))
-    assert result.returncode == 0, result.stderr
 
 
 @pytest.mark.parametrize('libraries', [ROS, TOOLS], ids=['ros', 'tools'])
