@@ -4,8 +4,8 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,20 +23,6 @@ CASES = [
     for law in ('minimum_velocity', 'minimum_acceleration')
     for seed in range(2)
 ]
-
-
-class InlineExecutor(Executor):
-    """Runs at once what is submitted; `before` first."""
-
-    def __init__(self, before: Callable[[], None] = lambda: None) -> None:
-        self._before = before
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The future of a call that is done."""
-        self._before()
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 def cancelled(*_: Any) -> Future[Any]:
@@ -63,7 +49,7 @@ def alone() -> dict[str, Effort]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('executor', [None, InlineExecutor(), ThreadPoolExecutor(2)])
+@pytest.mark.parametrize('executor', [None, ThreadPoolExecutor(2)])
 def test_figures_are_those_of_a_single_run_wherever_they_are_computed(executor, alone):
     results = by_case(batch(CASES, executor))
     assert results.keys() == alone.keys()
@@ -118,7 +104,7 @@ def test_a_case_that_fails_has_its_reason_and_the_others_go_on(monkeypatch):
         return module.Result(case)
 
     monkeypatch.setattr(module, '_result', failing)
-    errors = {each.case.seed: each.error for each in batch(CASES[:2], InlineExecutor())}
+    errors = {each.case.seed: each.error for each in batch(CASES[:2], ThreadPoolExecutor(1))}
     assert errors == {0: 'no luck', 1: ''}
 
 
@@ -126,7 +112,9 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
     urdf = tmp_path / 'arm.urdf'
     urdf.write_text(RobotModel.named('fr3').arm.description())
     case = Case(str(urdf), T=T, tip_frame=RobotModel.named('fr3').arm.tip_frame)
-    (result,) = batch([case], InlineExecutor(lambda: urdf.unlink(missing_ok=True)))
+    with ThreadPoolExecutor(1, initializer=urdf.unlink) as executor:
+        (result,) = batch([case], executor)
+    assert not urdf.exists()
     assert result.finished, result.error
 
 
@@ -144,7 +132,7 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
 def test_a_wrong_case_is_refused_before_any_other_runs(fields, words, monkeypatch):
     monkeypatch.setattr(module, '_work', lambda _: pytest.fail('a case was run'))
     with pytest.raises(RedresError, match=words):
-        next(batch([Case(T=T), Case(**fields)], InlineExecutor()))
+        next(batch([Case(T=T), Case(**fields)]))
 
 
 @pytest.mark.slow

@@ -36,18 +36,10 @@ def make_controller(
     switch_time: float = 0.1,
     interface: Interface = 'fri',
     limits: tuple[str, ...] = (),
-    law: str = 'minimum_acceleration',
-    limit_scale: float = 1.0,
 ) -> Controller:
-    return Controller(
-        RobotModel.named('lwr4_paper'),
-        make_law(law),
-        T,
-        switch_time=switch_time,
-        limits=limits,
-        limit_scale=limit_scale,
-        robot_interface=interface,
-    )
+    model = RobotModel.named('lwr4_paper')
+    options = {'switch_time': switch_time, 'limits': limits, 'robot_interface': interface}
+    return Controller(model, 'minimum_acceleration', T, **options)
 
 
 def velocity(cycle: int) -> np.ndarray:
@@ -56,9 +48,7 @@ def velocity(cycle: int) -> np.ndarray:
 
 
 class Robot:
-    """An ideal arm, and a source of task velocities, at one cycle
-    after the other.
-    """
+    """An ideal arm, and a source of task velocities, at one cycle after the other."""
 
     def __init__(self, following: CommandLoop, start: np.ndarray = START) -> None:
         self.following = following
@@ -211,7 +201,9 @@ def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
         robot = Robot(following, start)
         spin = np.zeros(6)
         for _ in range(1500):
-            reported = wrapped(robot.q) if wraps else robot.q
+            reported = robot.q
+            if wraps:  # the same angles between -pi and pi
+                reported = (robot.q + np.pi) % (2.0 * np.pi) - np.pi
             robot.cycle += 1
             robot.take(following.step(robot.stamp, reported, robot.now))
             spin[3:] = 0.5 * model.tip(robot.q)[1][:, 2]  # about the last joint's axis
@@ -219,11 +211,6 @@ def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
         references.append(robot.references)
         assert robot.q[6] < -np.pi - 0.5
     np.testing.assert_allclose(references[1], references[0], rtol=0.0, atol=1e-9)
-
-
-def wrapped(q: np.ndarray) -> np.ndarray:
-    """The same angles between -pi and pi."""
-    return (q + np.pi) % (2.0 * np.pi) - np.pi
 
 
 @pytest.mark.parametrize('of_joints', [False, True])
@@ -610,12 +597,9 @@ def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() 
     for _ in range(100):
         robot.ask()  # commanded, as the one of the last state has come
         robot.cycle += 1  # of this state none has come when the next one does
-        late = robot.following.step(robot.stamp, robot.q, robot.now)
-        if late is None:
-            robot.take(robot.following.respond_if_due(robot.now + random.uniform(0.0, 0.9)))
-            robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
-        else:
-            pytest.fail('a command without its task velocity')
+        assert robot.following.step(robot.stamp, robot.q, robot.now) is None
+        robot.take(robot.following.respond_if_due(robot.now + random.uniform(0.0, 0.9)))
+        robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
         robot.steer(velocity(robot.cycle))
     perfect.follow(200)
     np.testing.assert_array_equal(robot.references, perfect.references)
@@ -645,9 +629,8 @@ def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:
     robot.follow(20, lambda _: GENTLE)
     response = robot.ask()
     assert response is not None and response.scaling == 0.0
-    np.testing.assert_allclose(
-        response.command.dq, response.command.ddq * T
-    )  # as from a standstill
+    # as from a standstill
+    np.testing.assert_allclose(response.command.dq, response.command.ddq * T)
     robot.steer(GENTLE)
     robot.following.enter_session('CMD')
     response = robot.ask()

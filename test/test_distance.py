@@ -60,14 +60,11 @@ def middle_of(model: RobotModel) -> np.ndarray:
     return (lower + upper) / 2.0 + 0.1 * (upper - lower)
 
 
-def random_postures(arm: str, count: int) -> np.ndarray:
+def random_postures(arm: str) -> np.ndarray:
     model = model_of(arm)
     random = np.random.default_rng(0)
     lower, upper = np.maximum(model.q_min, -3.0), np.minimum(model.q_max, 3.0)
-    return random.uniform(lower, upper, (count, model.n))
-
-
-# --- distances ------------------------------------------------------------------------------------
+    return random.uniform(lower, upper, (20, model.n))
 
 
 def placed(limit: CollisionLimit, q: np.ndarray, body: int) -> tuple[np.ndarray, float]:
@@ -97,7 +94,7 @@ def shape_of(ends: np.ndarray, radius: float) -> tuple[coal.CollisionGeometry, c
 def test_distances_of_bodies_are_those_of_another_library_and_of_the_floor(arm):
     limit = colliding(arm, floor=-0.3, sphere=BALLS)
     compared = 0
-    for q in random_postures(arm, 20):
+    for q in random_postures(arm):
         _, distances, who = limit.approaches(q, 1.0)
         for distance, (one, other) in zip(distances, who.tolist(), strict=True):
             first = placed(limit, q, one)
@@ -178,7 +175,7 @@ def test_rows_are_the_speeds_at_which_distances_become_smaller(arm, kind):
     random = np.random.default_rng(1)
     step = 1e-6
     off = []
-    for q in random_postures(arm, 20):
+    for q in random_postures(arm):
         dq = random.normal(size=model.n)
         C, _, who = limit.approaches(q, 1.0)
         _, after, who_after = limit.approaches(q + step * dq, 1.0)
@@ -187,9 +184,6 @@ def test_rows_are_the_speeds_at_which_distances_become_smaller(arm, kind):
             off.extend(np.abs(C @ dq + (after - before) / (2.0 * step)))
     assert len(off) > 50
     assert np.quantile(off, 0.99) < 1e-6
-
-
-# --- braking --------------------------------------------------------------------------------------
 
 
 def least_of_every_tick(limit: DistanceLimit, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -259,9 +253,6 @@ def test_a_wall_that_a_braking_arm_passes_is_seen_from_afar_and_also_if_it_is_le
             C, _, high = hit.rows(model.state(q, dq), T)
             assert (C @ braked(hit, dq) > high).any()
     assert (passed > (5, 0)).all()
-
-
-# --- what arms keep -------------------------------------------------------------------------------
 
 
 def driven(
@@ -435,9 +426,6 @@ def test_without_a_limit_on_velocities_no_task_velocity_takes_for_ever(size):
     limit = WorkspaceLimit(model, walls=scene_of(inside_box=(*(x - 0.1), *(x + 0.1))))
     commands = driven(limit, [np.array((size, 0.0, 0.0))], 1, (), law='minimum_velocity')
     assert least_distance(limit, commands) > -1e-9
-
-
-# --- what is refused ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
