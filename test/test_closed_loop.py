@@ -137,13 +137,6 @@ def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
     assert deviation.max() < 0.5e-3
 
 
-def test_a_pose_controller_holds_the_orientation_of_a_task_that_names_none():
-    end = TASK.waypoints[0] + (0.0, -0.05, 0.0)
-    brief = replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)
-    recording = run(Controller(MODEL, make_law('minimum_velocity'), 0.005, task='pose'), brief)
-    assert recording['orientation_error'].max() < 1e-3
-
-
 def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry_it_through():
     options = {'secondary_tasks': ('orientation',)}
     alone = run(Controller(MODEL, make_law('minimum_torque'), 0.008, **options), TASK)

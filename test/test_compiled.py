@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -37,19 +36,13 @@ def test_another_type_of_argument_compiles_nothing():
         fill_factor(*(np.zeros((3, 7), np.float32),) * 2)
 
 
-def test_ctrl_c_that_gets_lost_while_compiling_comes_at_the_end():
-    swallowing = suppress(KeyboardInterrupt)  # as ctypes does with what a callback raises
-    with pytest.raises(KeyboardInterrupt), interruptible(), swallowing:
-        signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_ctrl_c_in_a_callback_from_c_is_not_printed(monkeypatch):
+def test_ctrl_c_in_a_callback_from_c_is_raised_at_the_end_and_not_printed(monkeypatch):
     printed = []
     monkeypatch.setattr(sys, 'unraisablehook', printed.append)
     callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt), interruptible():
-        callback()
+        callback()  # ctypes swallows what a callback raises
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert not printed
     ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))()
     assert len(printed) == 1  # by others

@@ -14,6 +14,7 @@ T = 0.002  # [s]
 MODEL = RobotModel.named('fr3')
 Q0 = np.array(MODEL.arm.start)
 X0, _ = MODEL.tip(Q0)
+J_PINV = np.linalg.pinv(MODEL.jacobian(Q0, MODEL.arm.tip_frame))[:, :3]
 
 
 def plant_at(shape: str, **settings: Any) -> MujocoPlant:
@@ -25,10 +26,14 @@ def plant_at(shape: str, **settings: Any) -> MujocoPlant:
 
 def moved(plant: MujocoPlant, path: tuple[float, float, float]) -> np.ndarray:
     """The force on the tip in the base frame (3,) [N] once its reference has moved (3,) [m]."""
-    J = MODEL.jacobian(Q0, MODEL.arm.tip_frame)
-    dq = np.linalg.pinv(J) @ np.concatenate((path, np.zeros(3)))
+    dq = J_PINV @ path
     for k in range(1, 501):
         plant.step(Q0 + min(k / 100.0, 1.0) * dq)
+    return force_on(plant)
+
+
+def force_on(plant: MujocoPlant) -> np.ndarray:
+    """The force on the tip in the base frame (3,) [N]."""
     _, R = MODEL.tip(plant.q)
     force: np.ndarray = R @ plant.wrench[:3]
     return force
@@ -56,13 +61,11 @@ def test_a_table_pushes_up_and_nothing_pulls() -> None:
 
 def test_a_tip_that_slides_feels_friction_against_its_motion() -> None:
     plant = plant_at('table', contact_friction=0.3)
-    J = MODEL.jacobian(Q0, MODEL.arm.tip_frame)
-    down = np.linalg.pinv(J) @ np.array((0.0, 0.0, -0.002, 0.0, 0.0, 0.0))
-    along = np.linalg.pinv(J) @ np.array((0.0, 0.05, 0.0, 0.0, 0.0, 0.0))
+    down = J_PINV @ (0.0, 0.0, -0.002)
+    along = J_PINV @ (0.0, 0.05, 0.0)
     for k in range(1, 301):
         plant.step(Q0 + min(k / 100.0, 1.0) * down + max(k - 100, 0) * T * along)
-    _, R = MODEL.tip(plant.q)
-    force = R @ plant.wrench[:3]
+    force = force_on(plant)
     # 2 %: at 50 mm/s a softened friction cone is nearly at its edge
     assert force[1] == pytest.approx(-0.3 * force[2], rel=0.02)
 

@@ -212,9 +212,7 @@ class Situation(Enum):
 
 CROSSFADE = 1.0  # [s]
 OPERATOR = np.array((0.0, -0.1, 0.0))  # [m/s]
-AT_AN_END = np.array(
-    (0.49, 1.817, 2.93, 1.655, 0.25, -0.491, 0.0)
-)  # [rad], near that of A3's range
+AT_AN_END = (0.49, 1.817, 2.93, 1.655, 0.25, -0.491, 0.0)  # [rad], near that of A3's range
 
 
 def prepared(situation: Situation, run: VirtualRun) -> None:
@@ -241,23 +239,19 @@ def in_a_situation(situation: Situation) -> Iterator[tuple[VirtualRun, Reference
     if situation is Situation.MIRRORING:
         sim['monitor_time'] = 60.0
     elif situation is Situation.AT_AN_END:
-        sim['start'] = AT_AN_END.tolist()
+        sim['start'] = list(AT_AN_END)
     controller = {'switch_time': CROSSFADE, 'law': 'dynamically_consistent'}
     planner = {'autostart': situation is not Situation.AT_AN_END}
     with virtual_run(RATE, sim=sim, controller=controller, planner=planner) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         if situation is Situation.AT_AN_END:
-            operate(run)
+            twist = to_twist(0, '', OPERATOR)  # towards the end, again and again
+            publish = run.graph.publish
+            run.graph.clock.repeat(0.02, lambda: publish('cartesian_velocity', twist))
         if situation is not Situation.STARTING:
             prepared(situation, run)
             assert judge.mode == situation.value.strip()
         yield run, judge
-
-
-def operate(run: VirtualRun) -> None:
-    """Have somebody steer towards the end of a joint's range, again and again."""
-    twist = to_twist(0, '', OPERATOR)
-    run.graph.clock.repeat(0.02, lambda: run.graph.publish('cartesian_velocity', twist))
 
 
 ONCE_ONLY = ('sim/session_state', 'sim/stop_reason', 'target_pose')

@@ -29,14 +29,9 @@ class Recorded(SimpleNamespace):
         super().__init__(name=name, **given)
 
 
-class Configuration:
+def configuration(name: str) -> SimpleNamespace:
     """The value of an argument in the context."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def perform(self, context: SimpleNamespace) -> str:
-        return str(context.launch_configurations[self.name])
+    return SimpleNamespace(perform=lambda context: str(context.launch_configurations[name]))
 
 
 def stand_in() -> dict[str, ModuleType]:
@@ -49,7 +44,7 @@ def stand_in() -> dict[str, ModuleType]:
             Recorded,
         ),
         'launch.launch_description_sources': {'PythonLaunchDescriptionSource': str},
-        'launch.substitutions': {'LaunchConfiguration': Configuration},
+        'launch.substitutions': {'LaunchConfiguration': configuration},
         'launch_ros': {},
         'launch_ros.actions': {'Node': Recorded},
     }
@@ -65,12 +60,7 @@ def launch_file(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """The launch file as a module."""
     for name, module in stand_in().items():
         monkeypatch.setitem(sys.modules, name, module)
-    return loaded(FILE)
-
-
-def loaded(file: Path) -> ModuleType:
-    """A launch file as a module."""
-    spec = importlib.util.spec_from_file_location('redres_launch', file)
+    spec = importlib.util.spec_from_file_location('redres_launch', FILE)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -181,8 +171,7 @@ def test_composed_is_one_process_whose_nodes_keep_their_names(launch_file):
     assert nodes.keys() == {'composed', 'robot_state_publisher'}
     composed = nodes['composed']
     assert composed.name is None
-    values = {'law': 'minimum_velocity', 'task': 'table'}
-    assert composed.parameters[1] == values
+    assert composed.parameters[1] == {'law': 'minimum_velocity', 'task': 'table'}
     assert not composed.arguments
 
 
@@ -210,9 +199,8 @@ def test_rviz_looks_from_the_root_link_of_any_arm(launch_file, tmp_path):
     rviz = started(launch_file, rviz='true', robot=str(urdf))['rviz2']
     assert rviz.arguments[-2:] == ['-f', 'table']
     # The driver of a robot knows, and RViz can be set by hand.
-    assert (
-        '-f' not in started(launch_file, robot='fr3', rviz='true', sim='false')['rviz2'].arguments
-    )
+    rviz = started(launch_file, robot='fr3', rviz='true', sim='false')['rviz2']
+    assert '-f' not in rviz.arguments
 
 
 def test_frames_of_a_robot_in_a_namespace_are_apart_from_those_of_another(launch_file):
@@ -227,10 +215,9 @@ def test_frames_of_a_robot_in_a_namespace_are_apart_from_those_of_another(launch
 
 def test_rviz_shows_topics_that_the_nodes_publish() -> None:
     config = yaml.safe_load((ROOT / 'config' / 'redres.rviz').read_text(encoding='utf-8'))
-    displays = config['Visualization Manager']['Displays']
     topics = {
         display[key]['Value']
-        for display in displays
+        for display in config['Visualization Manager']['Displays']
         for key in ('Topic', 'Description Topic')
         if key in display
     }

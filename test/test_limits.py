@@ -48,9 +48,6 @@ def at_rest(model: RobotModel, q: np.ndarray) -> RobotState:
     return model.state(q, np.zeros(model.n))
 
 
-# --- every tick -----------------------------------------------------------------------------------
-
-
 def assert_kept(names: tuple[str, ...], q_ref, before: RobotState, dq, ddq, scale: float) -> None:
     """By the definitions alone. Jerk has seven digits of a velocity's difference."""
     model = before.model
@@ -141,9 +138,6 @@ def test_with_distance_left_for_a_gap_the_box_of_the_next_tick_is_never_empty(na
         q = q + T * dq
 
 
-# --- each limit -----------------------------------------------------------------------------------
-
-
 def distance_to_stop(v: float, A: float, T: float) -> float:
     """How far a joint goes that is at v for one tick and then slows down by A T a tick."""
     distance = 0.0
@@ -210,9 +204,6 @@ def test_what_is_outside_the_box_is_not_allowed(model, states):
     assert not bounds.allow(lower - 1e-6)
 
 
-# --- outside, and live ----------------------------------------------------------------------------
-
-
 def test_a_joint_outside_its_range_comes_back_within_its_acceleration(model):
     limits = make_limits(BOX, model)
     q = np.zeros(model.n)
@@ -264,9 +255,6 @@ def test_the_last_check_lets_pass_what_is_allowed_and_brakes_the_rest_within_it(
     assert dq == pytest.approx((1.0, 2.0, 1.5, 0.05, 0.0))
     assert q_ref == pytest.approx(p + 0.01 * dq)
     assert admit(q_ref, p, dq, 0.01, np.full(5, 2.0), A, *ends, asked, v) == -1
-
-
-# --- the table ------------------------------------------------------------------------------------
 
 
 @EVERY_LIMIT
