@@ -23,7 +23,7 @@ from redres_ros.preflight.snapshot import (
     GraphSnapshot,
     StateSeen,
 )
-from redres_ros.preflight.verdicts import ExpectedArm, Level, Verdict, judge
+from redres_ros.preflight.verdicts import FAULT, NOTE, OK, ExpectedArm, Verdict, judge
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -70,7 +70,7 @@ def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None)
 
 
 def test_where_all_is_well_every_finding_is_ok() -> None:
-    assert {verdict.level for verdict in judge(GOOD, None)} == {Level.OK}
+    assert {verdict.level for verdict in judge(GOOD, None)} == {OK}
 
 
 BEHIND = replace(
@@ -131,7 +131,7 @@ FAULTS = [  # what is seen, subject of the fault, words in it
 def test_what_is_missing_is_a_fault_with_a_remedy(
     seen: GraphSnapshot, subject: str, words: str
 ) -> None:
-    found = [(f.subject, f.text) for f in judge(seen, None) if f.level is Level.FAULT]
+    found = [(f.subject, f.text) for f in judge(seen, None) if f.level == FAULT]
     assert any(subject == about and words in text for about, text in found), found
 
 
@@ -152,8 +152,8 @@ def test_what_one_should_know_is_a_note_and_no_fault(
     seen: GraphSnapshot, subject: str, words: str
 ) -> None:
     verdicts = judge(seen, None)
-    assert Level.FAULT not in {verdict.level for verdict in verdicts}
-    notes = [verdict for verdict in verdicts if verdict.level is Level.NOTE]
+    assert FAULT not in {verdict.level for verdict in verdicts}
+    notes = [verdict for verdict in verdicts if verdict.level == NOTE]
     assert any(verdict.subject == subject and words in verdict.text for verdict in notes)
 
 
@@ -168,8 +168,8 @@ def test_a_gripper_among_the_joints_is_ignored() -> None:
 
 def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> None:
     seen = good(controller=None, controllers=0)
-    assert beyond('joints', seen, ExpectedArm('lwr4')).level is Level.OK
-    assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level is Level.FAULT
+    assert beyond('joints', seen, ExpectedArm('lwr4')).level == OK
+    assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level == FAULT
 
 
 def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:

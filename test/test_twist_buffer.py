@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from redres_ros.geometry import quintic
-from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION, TwistBuffer
+from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION, _TwistBuffer
 
 T = 0.002  # [s]
 A = LINEAR_ACCELERATION
@@ -19,7 +19,7 @@ def played(arrivals: dict[int, list[int]], ticks: int, lag: int = 1) -> np.ndarr
     """What is played, (ticks, 3), when task velocities of cycles come before a tick, as by
     arrivals.
     """
-    twist_buffer = TwistBuffer(3, T, lag)
+    twist_buffer = _TwistBuffer(3, T, lag)
     out = []
     for tick in range(ticks):
         for cycle in arrivals.get(tick, ()):
@@ -73,7 +73,7 @@ def test_a_planner_that_was_held_up_is_caught_up_with_smoothly(length: int) -> N
 
 
 def test_task_velocities_that_come_late_count_as_late_and_their_cycles_as_missing() -> None:
-    twist_buffer = TwistBuffer(3, T, 1)
+    twist_buffer = _TwistBuffer(3, T, 1)
     for tick in range(1, 100):
         late = 40 <= tick < 60
         if not late:
@@ -86,7 +86,7 @@ def test_task_velocities_that_come_late_count_as_late_and_their_cycles_as_missin
 
 
 def test_of_two_task_velocities_for_a_cycle_the_newest_counts() -> None:
-    twist_buffer = TwistBuffer(3, T, 1)
+    twist_buffer = _TwistBuffer(3, T, 1)
     twist_buffer.put(1, along(400))
     twist_buffer.put(1, np.zeros(3))
     for tick in range(2, 100):
@@ -111,7 +111,7 @@ def test_a_source_that_sends_seldom_is_followed_smoothly(every: int) -> None:
 
 @pytest.mark.parametrize('rows', [3, 6])
 def test_a_sudden_velocity_is_approached_with_the_largest_acceleration(rows: int) -> None:
-    twist_buffer = TwistBuffer(rows, T, 1)
+    twist_buffer = _TwistBuffer(rows, T, 1)
     dx = np.full(rows, 0.3)
     out = []
     for tick in range(900):
@@ -138,7 +138,7 @@ def test_whatever_stamps_task_velocities_have_the_largest_acceleration_is_kept_t
 ) -> None:
     for seed in range(40):
         random = np.random.default_rng(seed)
-        twist_buffer = TwistBuffer(3, T, int(random.integers(0, 4)))
+        twist_buffer = _TwistBuffer(3, T, int(random.integers(0, 4)))
         before = np.zeros(3)
         cycle = 0
         for _ in range(300):

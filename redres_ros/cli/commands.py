@@ -185,7 +185,7 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.runtime import spun
     from redres_ros.preflight.snapshot import SnapshotNode
-    from redres_ros.preflight.verdicts import ExpectedArm, Level, judge
+    from redres_ros.preflight.verdicts import FAULT, ExpectedArm, judge
 
     check_range('rate', options.rate, (*RATES, 'Hz'))
     arm = ExpectedArm(options.robot, options.tip, options.rate) if options.robot else None
@@ -195,6 +195,6 @@ def _check(options: argparse.Namespace) -> int:
     verdicts = judge(seen, arm)
     for verdict in verdicts:
         print(verdict)
-    faults = sum(verdict.level is Level.FAULT for verdict in verdicts)
+    faults = sum(verdict.level == FAULT for verdict in verdicts)
     print(f'faults: {faults}; do not move the arm yet' if faults else 'nothing is missing')
     return 1 if faults else 0

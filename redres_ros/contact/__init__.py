@@ -161,7 +161,6 @@ class _ForceSensor:
         return not self._recent
 
     def advance(self, cycles: Cycles) -> None:
-        """Advance the age of the wrench."""
         self._age += cycles * self._T
 
     @property
@@ -262,7 +261,6 @@ class ContactControl:
 
     @property
     def retreats(self) -> bool:
-        """Whether the tip retreats."""
         return self._retreat is not None
 
     def velocity(self, dx: TaskVelocity, state: RobotState, missed: Cycles = 0) -> TaskVelocity:

@@ -105,7 +105,6 @@ class Sampler:
         return None
 
     def close(self) -> None:
-        """Release the subscriptions."""
         self._node.destroy_node()
 
 
@@ -175,7 +174,6 @@ class GraphMonitor(Node):
         self.values[topic] = one_line(value) if isinstance(value, str) else value
 
     def destroy_node(self) -> None:
-        """Release this node, and that of the samples."""
         self.samples.close()
         super().destroy_node()  # type: ignore[no-untyped-call]
 
@@ -198,7 +196,6 @@ class GraphMonitor(Node):
             self.on_parameters(name, values)
 
     def _own(self, name: str) -> str:
-        """The name of a node in this namespace."""
         return name.removeprefix(self.get_namespace().rstrip('/') + '/')
 
 

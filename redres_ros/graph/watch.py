@@ -144,7 +144,6 @@ def _page(
     domain: int,
     joints: Sequence[_JointBar] = (),
 ) -> RenderableType:
-    """The whole page, of the newest values by topic."""
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
     if not values:
         text = (
@@ -180,7 +179,6 @@ def _node_panel(values: Mapping[str, Any], node: str, health: NodeHealth) -> Pan
 
 
 def _joint_panel(joints: Sequence[_JointBar]) -> Panel:
-    """A bar for each joint, and beside it the limit that acts."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for joint in joints:
         tag = Text(f' {joint.limit} ') if joint.limit else Text()
@@ -200,7 +198,6 @@ def _bar(fraction: float) -> Text:
 
 
 def _words(value: object, row: _Row) -> str:
-    """A value with its unit."""
     if isinstance(value, tuple):
         shown = '  '.join(f'{member:+.4f}' for member in value)
     elif isinstance(value, float):

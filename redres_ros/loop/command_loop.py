@@ -437,7 +437,6 @@ class CommandLoop:
         return blocked
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
-        """What the mode of this state begins with."""
         controller = self._controller
         self.faults.begin()
         self._end_approach()

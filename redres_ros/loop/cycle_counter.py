@@ -63,7 +63,6 @@ class CycleCounter:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all states."""
         self.number = 0
         self.newest = 0
         self.arrived = 0.0

@@ -33,7 +33,6 @@ class PoseHold:
         self.clear()
 
     def clear(self) -> None:
-        """Hold nothing."""
         self._targets: dict[int, Pose] = {}  # by component
         self._added = np.zeros(6)
 

@@ -76,7 +76,6 @@ class FaultMonitor:
             self._pause = 0.0
 
     def clear(self) -> None:
-        """There is none any more."""
         self.reason = ''
         self.executes = True
         self.released = False

@@ -81,7 +81,7 @@ class VelocityError(RedresError):
     """A velocity that is faster than allowed, or whose stamp is too far from the robot's clock."""
 
 
-class TwistBuffer:
+class _TwistBuffer:
     """Returns the velocity of the state `lag` cycles ago, within the largest accelerations.
 
     What comes every cycle acts as it is. Whatever the velocity jumps by is added back, and fades
@@ -168,7 +168,6 @@ class TwistBuffer:
         return target + self._residual
 
     def _take(self, cycle: int) -> None:
-        """Go over to the velocity of a cycle."""
         dx = self._twists.pop(cycle)
         self._slope = self._rest
         if self._sampled is not None:
@@ -217,8 +216,8 @@ class VelocityInput:
         A = np.array(model.arm.acceleration_limit or (math.inf,) * model.n)
         lag = 0 if settings.lockstep else settings.twist_lag
         self.settings = settings
-        self.of_task = TwistBuffer(controller.m, controller.T, lag)
-        self.of_joints = TwistBuffer(model.n, controller.T, lag, A)
+        self.of_task = _TwistBuffer(controller.m, controller.T, lag)
+        self.of_joints = _TwistBuffer(model.n, controller.T, lag, A)
         self.buffer = self.of_task
         self.is_of_joints = False
         self.is_of_state = True
@@ -269,7 +268,6 @@ class VelocityInput:
         self.buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
 
     def _check_speed(self, dx: TaskVelocity | JointVelocities, of_joints: bool) -> None:
-        """Raise VelocityError for a velocity that is too fast."""
         if of_joints:
             model = self._controller.model
             excess = np.abs(dx) - model.dq_max * (1.0 + _ROUNDING)

@@ -140,7 +140,6 @@ class ControllerNode(ManagedNode):
             self.create_timer(_LOOK, self._respond_if_due, clock=topics.STEADY)
 
     def _take(self, topic: str, kind: type, enter: _Enter) -> None:
-        """Subscribe to task velocities or joint velocities."""
         self.create_subscription(kind, topic, partial(self._respond, topic, enter), topics.RECENT)
 
     def _on_state(self, message: JointState) -> None:

@@ -123,6 +123,5 @@ class MotionTelemetry:
         return Float64MultiArray(data=[*figures, *response.command.state.q.tolist()])
 
     def _tip_pose(self, response: Response) -> PoseStamped:
-        """The measured one."""
         x, R = response.command.state.model.tip(response.q)
         return to_pose(response.stamp, self._frame, x, R)

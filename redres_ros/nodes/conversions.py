@@ -32,10 +32,6 @@ class EncodingError(RedresError):
     """Bytes that are no message of the type that they came as, or a stamp that is no time."""
 
 
-class _FrameError(RedresError):
-    """A message in an unknown frame."""
-
-
 def to_joint_state(
     stamp: Nanoseconds,
     names: Sequence[str],
@@ -91,7 +87,6 @@ def to_nanoseconds(stamp: Time) -> Nanoseconds:
 
 
 def to_time(stamp: Nanoseconds) -> Time:
-    """A stamp as a message."""
     return Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
 
 
@@ -143,7 +138,7 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, 
     """
     if message.header.frame_id not in frames:
         allowed = ', '.join(map(repr, frames))
-        raise _FrameError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
+        raise RedresError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
     position = message.pose.position
     turn = message.pose.orientation
     x = np.array((position.x, position.y, position.z))

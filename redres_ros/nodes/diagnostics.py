@@ -67,7 +67,6 @@ class Diagnostics:
         node.create_timer(1.0, self.publish, clock=STEADY)
 
     def publish(self) -> None:
-        """Publish now."""
         values, state, warning, error = self._health()
         silence = 'no joint_states' if self.silent else ''
         inactive = '' if self._node.active else self._node.life
@@ -117,7 +116,6 @@ class Diagnostics:
         return time.monotonic() - self._fed_at > self._longest
 
     def feed(self) -> None:
-        """A state has come."""
         self._fed_at = time.monotonic()
         self.accept(_STATES)
 

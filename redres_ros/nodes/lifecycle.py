@@ -37,7 +37,6 @@ class ManagedNode(LifecycleNode):
         check_given(self)
 
     def _start_life(self) -> None:
-        """Go to the state in which the node is to start."""
         service = self._service_change_state
         service.callback = partial(self._change, service.callback)
         wanted = declare_one(self, 'initial_state', 'active', _INITIAL_STATE)
@@ -67,12 +66,10 @@ class ManagedNode(LifecycleNode):
         return self.life == 'active'
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to act."""
         self._begin()
         return _DONE
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop acting."""
         self._end()
         return _DONE
 

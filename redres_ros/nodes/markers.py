@@ -3,11 +3,13 @@ away from.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -59,25 +61,25 @@ def show_obstacles(
     """
 
     def markers() -> list[Marker]:
-        drawn = shapes(lambda name: node.get_parameter(name).value)
-        return [_to_marker(shape, namespace, number) for number, shape in enumerate(drawn)]
+        found = shapes(lambda name: node.get_parameter(name).value)
+        return [_to_marker(shape, namespace, number) for number, shape in enumerate(found)]
 
     _show(node, frame, _SHAPES_EVERY, markers)
 
 
 def _show(node: Node, frame: str, period: Seconds, make: Callable[[], list[Marker]]) -> None:
     publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+    node.create_timer(period, partial(_publish, publisher, frame, make), clock=STEADY)
 
-    def publish() -> None:
-        if publisher.get_subscription_count() == 0:
-            return
-        markers = make()
-        for marker in markers:
-            marker.header.frame_id = frame
-            marker.lifetime = Duration(sec=_LIFETIME)
-        publisher.publish(MarkerArray(markers=markers))
 
-    node.create_timer(period, publish, clock=STEADY)
+def _publish(publisher: Publisher, frame: str, make: Callable[[], list[Marker]]) -> None:
+    if publisher.get_subscription_count() == 0:
+        return
+    markers = make()
+    for marker in markers:
+        marker.header.frame_id = frame
+        marker.lifetime = Duration(sec=_LIFETIME)
+    publisher.publish(MarkerArray(markers=markers))
 
 
 def _to_marker(shape: DrawnShape, namespace: str, number: int) -> Marker:

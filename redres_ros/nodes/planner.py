@@ -232,7 +232,6 @@ class PlannerNode(ManagedNode):
         return self._q
 
     def _check_ready(self) -> None:
-        """Raise GoalError if nothing may begin."""
         if not self.active:
             raise GoalError(f'the planner is {self.life}; activate it first')
         stopped = self._run.stop_reason

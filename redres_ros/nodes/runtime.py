@@ -52,10 +52,6 @@ _DISCOVERY = (
 )
 
 
-class _StartError(RedresError):
-    """ROS cannot be started with this environment."""
-
-
 class Spinner:
     """An EventsExecutor for some nodes, spun until an event is set.
 
@@ -150,12 +146,12 @@ def _find_free_domain() -> int:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
             probe.bind(('', 7400 + 250 * domain))
             return domain
-    raise _StartError(f'every ROS domain from 1 to {_FREE_DOMAINS[-1]} is in use on this machine')
+    raise RedresError(f'every ROS domain from 1 to {_FREE_DOMAINS[-1]} is in use on this machine')
 
 
 def _check_domain(domain: str) -> None:
     if not (domain.isdecimal() and int(domain) <= _HIGHEST_DOMAIN):
-        raise _StartError(
+        raise RedresError(
             f'ROS domain is {domain} (--domain or ROS_DOMAIN_ID); allowed: 0 to {_HIGHEST_DOMAIN}'
         )
 
@@ -176,17 +172,17 @@ def start(arguments: list[str] | None = None, domain: int | None = None) -> None
         reason = reason_of(error)
         if 'logging' in reason:
             reason += '; set ROS_LOG_DIR to a directory that can be written to'
-        raise _StartError(f'ROS 2 does not start ({type(error).__name__}): {reason}') from None
+        raise RedresError(f'ROS 2 does not start ({type(error).__name__}): {reason}') from None
 
 
 def _made(make: Callable[[], N]) -> N:
-    """A node. Raises _StartError if DDS lacks a resource, such as open files."""
+    """A node. Raises RedresError if DDS lacks a resource, such as open files."""
     try:
         return make()
     except RuntimeError as error:
         if isinstance(error, _RCLError):
             raise
-        raise _StartError(f'ROS 2 makes no node: {reason_of(error)}') from None
+        raise RedresError(f'ROS 2 makes no node: {reason_of(error)}') from None
 
 
 @contextmanager

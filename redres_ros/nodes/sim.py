@@ -174,7 +174,6 @@ class SimNode(ManagedNode):
                 self._keep_time(stopped, spinner)
 
     def destroy_node(self) -> None:
-        """Publish the final figures, and end."""
         self._diagnostics.publish()
         super().destroy_node()  # type: ignore[no-untyped-call]
 

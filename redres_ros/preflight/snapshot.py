@@ -84,7 +84,6 @@ class SnapshotNode(GraphMonitor):
         return seen
 
     def _collect(self, seen: GraphSnapshot, seconds: float) -> None:
-        """Record what comes in that time [s]."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _LOOK))

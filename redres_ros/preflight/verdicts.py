@@ -1,7 +1,6 @@
 """What is missing before a connected arm may move: a verdict on each part of a snapshot."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -26,6 +25,11 @@ from redres_ros.preflight.snapshot import (
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 
+# Levels of verdicts.
+OK = 'ok'
+NOTE = 'note'
+FAULT = 'FAULT'
+
 _FEWEST = 10  # states for an estimate of the rate
 _RATE_ERROR = 0.02  # fraction by which the rate may differ
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
@@ -34,29 +38,21 @@ _NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
 _CAREFUL = 0.5  # limit_scale above which a note says so
 
 
-class Level(Enum):
-    """How a verdict counts; only a fault makes the check fail."""
-
-    OK = 'ok'
-    NOTE = 'note'
-    FAULT = 'FAULT'
-
-
 class Verdict(NamedTuple):
     """A sentence on one subject."""
 
-    level: Level
+    level: str  # only a fault makes the check fail
     subject: str
     text: str
 
     def __str__(self) -> str:
-        return f'{self.level.value:<6} {self.subject:<11} {self.text}'
+        return f'{self.level:<6} {self.subject:<11} {self.text}'
 
 
 _Verdicts = Iterator[Verdict]
-_ok = partial(Verdict, Level.OK)
-_note = partial(Verdict, Level.NOTE)
-_fault = partial(Verdict, Level.FAULT)
+_ok = partial(Verdict, OK)
+_note = partial(Verdict, NOTE)
+_fault = partial(Verdict, FAULT)
 
 
 class ExpectedArm(NamedTuple):
