@@ -7,9 +7,10 @@ from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.kernels.tick import largest
 from redres_ros.types import JointPositions, JointVelocities, Seconds
 
+ARRIVED = 1e-6  # [rad] from its end, at which an approach is over
+
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
-_ARRIVED = 1e-6  # [rad]
 _STILL = 5e-4  # [rad] that an arm at rest moves at most
 _REST = 0.1  # [s] for which it has not moved further
 _SERVO = 5e-3  # [rad] of a servo's error at rest
@@ -62,25 +63,11 @@ class HeldReference:
         return True
 
 
-class Approach:
-    """Velocities to a configuration, through all limits of the controller, which follows them."""
-
-    def __init__(self, controller: Controller, q: JointPositions) -> None:
-        self._controller = controller
-        self._q = q
-        controller.follow_joints(True)
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the input may be followed from the next cycle on."""
-        return largest(self._q - self._controller.reference) <= _ARRIVED
-
-    def velocity(self) -> JointVelocities:
-        """The velocity from which all joints can stop there."""
-        rest = self._q - self._controller.reference
-        T = self._controller.T
-        allowed = [
-            min(stopping_speed(abs(d), _ACCELERATION, T), V)
-            for d, V in zip(rest.tolist(), self._controller.model.dq_max * _SPEED, strict=True)
-        ]
-        return rest * float(np.min(allowed / np.maximum(np.abs(rest), _ARRIVED)))
+def approach_velocity(controller: Controller, q: JointPositions) -> JointVelocities:
+    """The velocity of the reference to q, from which all joints can stop there."""
+    rest = q - controller.reference
+    allowed = [
+        min(stopping_speed(abs(d), _ACCELERATION, controller.T), V)
+        for d, V in zip(rest.tolist(), controller.model.dq_max * _SPEED, strict=True)
+    ]
+    return rest * float(np.min(allowed / np.maximum(np.abs(rest), ARRIVED)))

@@ -12,7 +12,7 @@ from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.approach import Approach, HeldReference
+from redres_ros.loop.approach import ARRIVED, HeldReference, approach_velocity
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
@@ -91,7 +91,7 @@ class CommandLoop:
         self._held_reference = HeldReference(controller)
         self.mode = Mode.HOLDING
         # What moves the arm in place of the input: an approach to where it is, or measurements.
-        self._approach: Approach | None = None
+        self._approach: JointPositions | None = None
         self._yields_alone = False
         self._active = True
         self._held = False  # by request
@@ -341,7 +341,7 @@ class CommandLoop:
             self.measurements.restart()
             controller.published = before
             command = self._command(state.q, dx, missed)
-        follows = not (blocked or stale or self._approach)
+        follows = not (blocked or stale or self._approach is not None)
         scaling = command.s if follows else 0.0
         return Response(state.stamp, command, scaling, state.q, state.cycle)
 
@@ -380,7 +380,7 @@ class CommandLoop:
         measurements = self.measurements
         faults = self.faults
         blocked = not self._active or self._held or self._cycles.rate_error or faults.reason
-        if blocked or self._approach:
+        if blocked or self._approach is not None:
             measurements.restart()
         if not measurements.is_idle or measurements.contact.settings.enabled:
             try:
@@ -445,7 +445,8 @@ class CommandLoop:
         if self.mode is Mode.MOVING:
             self._pose_hold.clear()
             if self.faults.is_away(state.q):
-                self._approach = Approach(controller, state.q)
+                self._approach = state.q
+                controller.follow_joints(True)
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.gap = 1
@@ -457,7 +458,7 @@ class CommandLoop:
 
     def _end_approach(self) -> None:
         """Follow the input velocity again."""
-        if self._approach:
+        if self._approach is not None:
             self._approach = None
             self._controller.follow_joints(self.input.is_of_joints)
 
@@ -479,8 +480,8 @@ class CommandLoop:
         if self.mode is Mode.STOPPING:
             controller.hold()
             along = np.zeros(controller.m)
-        elif self._approach:
-            along = self._approach.velocity()
+        elif self._approach is not None:
+            along = approach_velocity(controller, self._approach)
         else:
             is_of_task = not self.input.is_of_joints
             is_yielding = measurements.yields and is_of_task
@@ -501,6 +502,8 @@ class CommandLoop:
         command = controller.commit(self.safety_filter.admit(plan))
         if is_yielding:
             measurements.contact.record(command, dx)
-        if self._approach and self.mode is Mode.MOVING and self._approach.is_over:
+        end = self._approach
+        moves = self.mode is Mode.MOVING
+        if end is not None and moves and largest(end - controller.reference) <= ARRIVED:
             self._end_approach()
         return command
