@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel
-from redres_ros.loop.approach import approach_velocity
+from redres_ros.loop.holding import approach_velocity
 from redres_ros.planning.joint_path import JointPath, path_to
 
 T = 0.001  # [s]

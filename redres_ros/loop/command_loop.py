@@ -12,11 +12,10 @@ from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.approach import ARRIVED, HeldReference, approach_velocity
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
+from redres_ros.loop.holding import ARRIVED, HeldReference, PoseHold, approach_velocity
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
-from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.safety import FaultMonitor, SafetyFilter
 from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
 from redres_ros.types import (

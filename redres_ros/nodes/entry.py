@@ -4,6 +4,7 @@ import sys
 from functools import partial
 from importlib import import_module
 from itertools import takewhile
+from typing import Any
 
 from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.installation import not_installed
@@ -37,7 +38,9 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
             remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
             print(f'redres_{name}: got {own[0]!r}; {remedy}', file=sys.stderr)
             return 2
-        return _run(nodes, arguments)
+        from redres_ros.nodes.runtime import run_nodes
+
+        return run_nodes(*map(_load, nodes), arguments=arguments)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone
@@ -57,14 +60,9 @@ planner = partial(run_node, 'planner')
 sim = partial(run_node, 'sim')
 
 
-def _run(nodes: list[str], arguments: list[str]) -> int:
-    from redres_ros.nodes.runtime import run_nodes
-
-    makes = []
-    for node in nodes:
-        module, _, cls = node.partition('.')
-        makes.append(getattr(import_module(f'redres_ros.nodes.{module}'), cls))
-    return run_nodes(*makes, arguments=arguments)
+def _load(node: str) -> Any:
+    module, _, cls = node.partition('.')
+    return getattr(import_module(f'redres_ros.nodes.{module}'), cls)
 
 
 def _help(name: str) -> str:

@@ -262,7 +262,6 @@ class SimNode(ManagedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
         self._reset_requested = True
-        self._words.repeat()
         message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'
         return Trigger.Response(success=True, message=message)
 

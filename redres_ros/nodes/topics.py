@@ -96,7 +96,3 @@ class LatchedWords:
             if self._published.get(topic) != words[topic]:
                 self._published[topic] = words[topic]
                 publisher.publish(String(data=words[topic]))
-
-    def repeat(self) -> None:
-        """Have all published again: a message may have been lost."""
-        self._published.clear()

@@ -1,0 +1,148 @@
+"""What holds: the reference of an arm at rest, the approach to where that arm is, and the component
+of a twist that an operator does not ask for.
+"""
+
+import numpy as np
+
+from redres_ros.controller import Controller
+from redres_ros.kernels.boxes import stopping_speed
+from redres_ros.kernels.tick import largest
+from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION
+from redres_ros.robot_model import RobotState
+from redres_ros.tasks import Pose
+from redres_ros.types import JointPositions, JointVelocities, Seconds, TaskVelocity
+
+ARRIVED = 1e-6  # [rad] from its end, at which an approach is over
+
+_SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
+_ACCELERATION = 1.0  # [rad/s^2] at most
+_STILL = 5e-4  # [rad] that an arm at rest moves at most
+_REST = 0.1  # [s] for which it has not moved further
+_SERVO = 5e-3  # [rad] of a servo's error at rest
+
+_GAIN = 2.0  # [1/s] of the error of what is held
+_NOTHING = 1e-9  # [m/s], [rad/s] that count as zero: rounding of a transformation
+
+# Rows of each component; the velocity with which the tip comes back at most, because limits may
+# have turned it by half a turn; and the acceleration.
+_COMPONENTS = (
+    (slice(0, 3), 0.25, LINEAR_ACCELERATION),  # [m/s], [m/s^2]
+    (slice(3, 6), 1.0, ANGULAR_ACCELERATION),  # [rad/s], [rad/s^2]
+)
+
+
+class HeldReference:
+    """Keeps the reference of an arm at rest where the arm is, also if others have moved it.
+
+    While the arm is elsewhere, nothing may be published: a robot that holds stays as it is, and one
+    that begins to listen does not leap. The reference is placed where the arm comes to rest. If the
+    arm then goes on by as much, it follows: it sags, which is explained from then on, as it would
+    sink for ever. So is what is left of a servo's lag.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.begin(np.zeros(controller.model.n))
+
+    def begin(self, q: JointPositions, *, followed: bool = False) -> None:
+        """The reference is held from now on; `followed`: by an arm that has followed it."""
+        self._servo = np.zeros(len(q))  # its error, (n,) [rad]
+        self._stood = q
+        self._still = 0.0  # [s] for which it has stood there
+        # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
+        self._expected = None if followed else self._servo
+
+    def is_left(self, q: JointPositions) -> bool:
+        """Whether an arm at rest at q is elsewhere than its servo explains."""
+        return largest(q - self._controller.reference - self._servo) > _SERVO
+
+    def update(self, q: JointPositions, seconds: Seconds) -> bool:
+        """Whether the reference of an arm measured at q may be published."""
+        controller = self._controller
+        if largest(q - self._stood) > _STILL:
+            self._stood = q
+            self._still = 0.0
+        self._still += seconds
+        error = q - controller.reference - self._servo
+        away = largest(error)
+        expected = self._expected
+        if self._still < _REST:
+            return expected is None or away <= _SERVO
+        self._expected = np.zeros(len(q))
+        if expected is None or largest(error - expected) <= min(_SERVO, away / 2):
+            self._servo = self._servo + error
+        elif away > _SERVO:
+            controller.hold_at(q - self._servo)
+            self._expected = error
+            self._still = 0.0
+        return True
+
+
+def approach_velocity(controller: Controller, q: JointPositions) -> JointVelocities:
+    """The velocity of the reference to q, from which all joints can stop there."""
+    rest = q - controller.reference
+    allowed = [
+        min(stopping_speed(abs(d), _ACCELERATION, controller.T), V)
+        for d, V in zip(rest.tolist(), controller.model.dq_max * _SPEED, strict=True)
+    ]
+    return rest * float(np.min(allowed / np.maximum(np.abs(rest), ARRIVED)))
+
+
+class PoseHold:
+    """Adds to a twist what holds the component, translation or rotation, that it does not ask for.
+
+    A velocity that is integrated drifts, and beside singularities and limits it is not executed in
+    full. A planner closes its own loop; an operator does not, whose translation alone must not turn
+    the tip. So a component that is zero while the other one is not keeps its last commanded pose.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.clear()
+
+    def clear(self) -> None:
+        self._targets: dict[int, Pose] = {}  # by component
+        self._added = np.zeros(6)
+
+    def hold(
+        self, dx: TaskVelocity, *, is_open_loop: bool
+    ) -> tuple[TaskVelocity, TaskVelocity | None]:
+        """The twist, and the part of it that only holds; that is None if nothing is held.
+
+        Args:
+            is_open_loop: Whether dx is an operator's.
+        """
+        controller = self._controller
+        task = controller.policy.task
+        acts = is_open_loop or self._targets or largest(self._added) > 0.0
+        if not acts or not isinstance(task, Pose) or controller.published is None:
+            self.clear()
+            return dx, None
+        q = controller.published.q
+        state = RobotState(controller.model, q, np.zeros(len(q)))
+        correction = np.zeros(6)
+        for component, (rows, fastest, acceleration) in enumerate(_COMPONENTS):
+            is_held = is_open_loop and not _asks(dx[rows])
+            velocity = np.zeros(3)
+            if not is_held:
+                self._targets.pop(component, None)
+            elif _asks(dx):  # a reversal passes through zero: what is held stays the same
+                if component not in self._targets:
+                    pose = Pose(gain=_GAIN, frame=task.frame)
+                    self._targets[component] = pose.with_initial_targets(state)
+                velocity = self._targets[component].velocity(state)[rows]
+            change = _shortened(velocity, fastest) - self._added[rows]
+            self._added[rows] += _shortened(change, acceleration * controller.T)
+            if is_held:
+                correction[rows] = self._added[rows]
+        return dx + self._added, correction if correction.any() else None
+
+
+def _asks(dx: np.ndarray) -> bool:
+    """Whether a velocity, or a component of it, asks for motion."""
+    return bool((np.abs(dx) > _NOTHING).any())
+
+
+def _shortened(vector: np.ndarray, length: float) -> np.ndarray:
+    """The vector (3,), or one of that length if it is longer."""
+    return vector * min(1.0, length / max(float(np.linalg.norm(vector)), length))
