@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -24,7 +23,6 @@ from redres_ros.graph.client import GraphClient
 from redres_ros.nodes.conversions import (
     to_joint_state,
     to_nanoseconds,
-    to_twist,
 )
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import LATCHED, MODE, SESSION
@@ -73,57 +71,38 @@ class Probe(Node):
         super().__init__('probe')
         self.stamp = 10**12
         self.responses: dict[int, JointState] = {}
-        self.received: dict[str, list[Any]] = {}
         self._states = self.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
-        self._twists = self.create_publisher(
-            TwistStamped, 'cartesian_velocity', QoSProfile(depth=1)
-        )
         self.create_subscription(
             JointState, 'joint_command', self._on_response, QoSProfile(depth=1000)
         )
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """A list that grows by every message on a topic."""
-        self.received[topic] = []
-        self.create_subscription(kind, topic, self.received[topic].append, qos)
-        return self.received[topic]
+        received: list[Any] = []
+        self.create_subscription(kind, topic, received.append, qos)
+        return received
 
     def send(self, message: JointState) -> None:
         self._states.publish(message)
 
-    def state(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> JointState:
+    def state(self, q: np.ndarray) -> JointState:
         """The next state, one period after the last."""
         self.stamp += PERIOD
-        return to_joint_state(self.stamp, names, np.asarray(q, dtype=float), np.zeros(len(q)))
+        return to_joint_state(self.stamp, NAMES, q, np.zeros(len(q)))
 
-    def ask(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> tuple[np.ndarray, np.ndarray]:
-        """Send the next state until a response comes; q_ref and dq of the response, both (n,)."""
-        message = self.state(q, names)
-        await_that(
-            lambda: self._asked(message), f'a response to the state of {self.stamp} ns', every=0.05
-        )
-        response = self.responses[self.stamp]
-        return np.array(response.position), np.array(response.velocity)
+    def ask(self, q: np.ndarray) -> None:
+        """Send the next state until a response comes."""
+        message = self.state(q)
 
-    def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
-        """Publish a task velocity, stamped as the last state by default, and wait until
-        the controller has received it.
-        """
-        self._twists.publish(
-            to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float))
-        )
-        self.settle()
+        def asked() -> bool:
+            self.send(message)
+            return self.stamp in self.responses
+
+        await_that(asked, f'a response to the state of {self.stamp} ns', every=0.05)
 
     def settle(self) -> None:
         """Wait until the controller has received all that was published: it responds in order."""
         call(self, GetParameters, 'controller/get_parameters', GetParameters.Request())
-
-    def _asked(self, message: JointState) -> bool:
-        self._states.publish(message)
-        until = time.monotonic() + 0.2
-        while self.stamp not in self.responses and time.monotonic() < until:
-            time.sleep(0.0005)
-        return self.stamp in self.responses
 
     def _on_response(self, message: JointState) -> None:
         self.responses[to_nanoseconds(message.header.stamp)] = message

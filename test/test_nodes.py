@@ -18,18 +18,12 @@ from nightly import by_day
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from redres_ros.controller import Controller
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.laws import make_law
-from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.nodes.entry import run_node
 from redres_ros.nodes.runtime import own_domain
-from redres_ros.robot_model import RobotModel
 
 pytestmark = pytest.mark.slow
 
-DX = np.array([0.02, -0.05, 0.03])
-BOX = ('position', 'velocity', 'acceleration')
 
 SECURED = {  # what somebody sets who wants keys, or no graph at all
     'ROS_SECURITY_ENABLE': 'true',
@@ -129,25 +123,6 @@ def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path) -> None:
         assert {process.wait(PATIENCE) for process in processes.values()} == {0}
     for name in processes:
         assert 'Traceback' not in (tmp_path / f'{name}.log').read_text()
-
-
-def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
-    law = make_law('minimum_acceleration', damping=7.0)
-    loop = CommandLoop(
-        Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1, limits=BOX)
-    )
-    with nodes(tmp_path, controller={'damping': 7.0, 'switch_time': 0.1}) as (probe, _):
-        q = START
-        for _ in range(20):
-            q_ref, dq = probe.ask(q)
-            response = loop.step(probe.stamp, q, 0.0)
-            assert response is not None
-            np.testing.assert_array_equal(q_ref, response.command.q_ref)
-            np.testing.assert_array_equal(dq, response.command.dq)
-            probe.steer(DX)
-            loop.enter_velocity(probe.stamp, DX, 0.0)
-            q = q_ref
-        assert np.linalg.norm(q - START) > 1e-6
 
 
 def test_the_sim_names_a_second_publisher_and_takes_no_commands(tmp_path: Path) -> None:

@@ -38,10 +38,6 @@ def recording() -> Recording:
     return Recording(data, 7, T, True, 'ended')
 
 
-def test_the_columns_are_those_that_users_rely_on():
-    assert ','.join(columns(7)) == COLUMNS
-
-
 def of_one(command: Command, reference: Reference) -> Recording:
     """The recording of a single tick, at 0.5 s."""
     recorder = MotionRecorder(command.state.model, T)

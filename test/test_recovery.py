@@ -45,9 +45,12 @@ class Graph(NamedTuple):
     start: Callable[[str, str], NodeProcess]
     directory: Path
 
+    def count(self, words: str) -> int:
+        """How many lines of the controller have these words."""
+        return sum(words in line for line in log_lines(self.directory, 'controller'))
+
     def silences(self) -> int:
-        """How often the controller has missed the robot's states."""
-        return sum('no joint_states' in line for line in log_lines(self.directory, 'controller'))
+        return self.count('no joint_states')
 
     def kill(self, name: str) -> None:
         """SIGKILL: no last words."""
@@ -94,6 +97,11 @@ def moving(tmp_path: Path) -> Iterator[Graph]:
 def test_a_robot_that_starts_again_is_followed_without_restarting_anything(moving: Graph) -> None:
     observer = moving.observer
     observer.assert_all_was_well()
+    # Only then it notices the next one.
+    await_that(
+        lambda: moving.count('states of the robot accepted again') == moving.silences(),
+        'the end of the silence before the robot was there',
+    )
     silences = moving.silences()
     moving.kill('sim')
     await_that(lambda: moving.silences() > silences, 'the silence')

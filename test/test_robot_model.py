@@ -30,21 +30,6 @@ def test_the_start_of_the_paper_is_at_its_first_point(model):
     assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3
 
 
-STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 / 6 both stay below 1e-10
-DIFFERENCES = 1e-9
-
-
-def test_the_jacobian_is_the_derivative_of_position_and_orientation(model):
-    for q, dq in random_motion(7, 100):
-        state = model.state(q, dq)
-        for e, column in zip(STEP * np.eye(7), state.J.T, strict=True):
-            (ahead, R_ahead), (behind, R_behind) = model.tip(q + e), model.tip(q - e)
-            spin = (R_ahead - R_behind) @ state.R.T / (2 * STEP)  # skew-symmetric [w]x
-            turn = (spin[2, 1], spin[0, 2], spin[1, 0])
-            expected = np.append((ahead - behind) / (2 * STEP), turn)
-            assert column == pytest.approx(expected, abs=DIFFERENCES)
-
-
 def test_at_another_velocity_a_state_keeps_what_the_position_decides(model):
     q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)

@@ -75,25 +75,6 @@ def test_every_task_runs_again_with_every_law_after_a_switch_and_a_hold(
         run_with_a_switch_and_a_hold(run, law)
 
 
-def test_home_takes_the_joints_to_the_start_within_their_limits(run: VirtualRun) -> None:
-    run.graph.kept['joint_command'] = []
-    response = run.graph.call('planner/home')
-    assert response.success
-    assert 'the joints go to its start' in response.message
-    run.run(0.5)
-    assert state(run) is TaskState.HOMING
-    assert run.run_until(lambda: state(run) is TaskState.FINISHED, 60.0)
-    assert from_start(run) < THERE
-    run.run(1.0)
-    model = RobotModel.named('lwr4_paper')
-    q = np.array([message.position for _, message in run.graph.kept['joint_command']])
-    dq = np.diff(q, axis=0) * 100.0
-    assert (np.abs(dq) <= model.dq_max * (1.0 + 1e-9)).all()
-    A = np.array(model.arm.acceleration_limit)
-    assert (np.abs(np.diff(dq, axis=0) * 100.0) <= A * (1.0 + 1e-6)).all()
-    assert not dq[-10:].any()
-
-
 def test_stop_on_the_way_home_brings_the_joints_to_rest(run: VirtualRun) -> None:
     run.graph.call('planner/home')
     run.run(1.0)

@@ -20,7 +20,6 @@ from redres_ros import (
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.geometry import rotation_matrix, to_quaternion
-from redres_ros.kernels.tick import rotation_error
 from redres_ros.tasks import Axis, Joint, Orientation, Pose, Position
 
 T = 0.002  # [s]
@@ -92,16 +91,6 @@ def follow(controller: Controller, q: np.ndarray, seconds: float) -> np.ndarray:
     for _ in range(round(seconds / controller.T)):
         q = controller.update(q, DX).q_ref
     return q
-
-
-def test_a_name_holds_the_orientation_of_the_start(model, task):
-    law = make_law('minimum_velocity')
-    controller = Controller(model, law, T, secondary_tasks=('orientation',))
-    _, R_start = model.tip(task.start)
-    _, R = model.tip(follow(controller, task.start, 1.0))
-    _, R_alone = model.tip(follow(Controller(model, law, T), task.start, 1.0))
-    assert np.linalg.norm(rotation_error(R, R_start)) < 1e-4
-    assert np.linalg.norm(rotation_error(R_alone, R_start)) > 0.05
 
 
 def test_an_orientation_error_fades_at_its_gain(model, task):
