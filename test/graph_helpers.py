@@ -25,7 +25,7 @@ from redres_ros.nodes.conversions import (
     to_nanoseconds,
 )
 from redres_ros.nodes.runtime import own_domain, spun
-from redres_ros.nodes.topics import LATCHED, MODE, SESSION
+from redres_ros.nodes.topics import LATCHED, SESSION
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
@@ -120,13 +120,11 @@ class Observer(Node):
         self.states: list[State] = []  # in the order of arrival
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
         self.session: list[tuple[int, str]] = []
-        self.modes: list[str] = []  # of the controller
         self.reasons: list[str] = []
         everything = QoSProfile(depth=50_000)
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
         self.create_subscription(String, SESSION, self._on_session, LATCHED)
-        self.create_subscription(String, MODE, self._on_mode, LATCHED)
         self.create_subscription(
             String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED
         )
@@ -191,9 +189,6 @@ class Observer(Node):
 
     def _on_session(self, message: String) -> None:
         self.session.append((self.at, message.data))
-
-    def _on_mode(self, message: String) -> None:
-        self.modes.append(message.data)
 
 
 def speed(before: State, now: State) -> float:

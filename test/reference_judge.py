@@ -52,18 +52,9 @@ class ReferenceJudge:
         limits: Of the arm, n joints.
         period: The robot's cycle T [s].
         bridging: What the robot does in a cycle without a reference: 'hold' or 'extrapolate'.
-        complete: Whether every reference is seen. Else the first one, which may be of a moving
-            arm, and those after a gap are judged by range and mean velocity alone.
     """
 
-    def __init__(
-        self,
-        limits: JointLimits,
-        period: float,
-        bridging: str,
-        *,
-        complete: bool = True,
-    ) -> None:
+    def __init__(self, limits: JointLimits, period: float, bridging: str) -> None:
         self.violations: list[Violation] = []
         self.judged = 0  # references
         self.mode = ''
@@ -74,8 +65,6 @@ class ReferenceJudge:
         self._limits = limits
         self._period = period
         self._holds = bridging == 'hold'
-        self._complete = complete
-        self._v_is_known = True
         self._step = limits.velocity * period  # (n,) [rad], V T
         self._change = limits.acceleration * period**2  # (n,) [rad], A T^2
         self._measured: dict[int, np.ndarray] = {}  # by stamp
@@ -192,11 +181,6 @@ class ReferenceJudge:
         lowest = np.minimum(limits.lower, last)
         highest = np.maximum(limits.upper, last)
         outside = np.maximum(r - highest, lowest - r)
-        if not self._complete and (cycles > 1 or self._last is None):
-            self._judge_excess('range', stamp, cycles, outside)
-            self._judge_excess('velocity', stamp, cycles, np.abs(r - last) - cycles * self._step)
-            self._v_is_known = False
-            return
         slow, fast, p = self._robot_at(last, cycles)
         step = r - p
         if cycles > 1:
@@ -206,11 +190,9 @@ class ReferenceJudge:
         self._judge_excess('range', stamp, cycles, outside)
         self._overshoots &= self._must_leave(r, step)
         self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
-        if self._v_is_known:
-            change = np.maximum(step - fast, slow - step) - self._change
-            self._judge_excess('acceleration', stamp, cycles, change)
+        change = np.maximum(step - fast, slow - step) - self._change
+        self._judge_excess('acceleration', stamp, cycles, change)
         self._v_T = step
-        self._v_is_known = True
 
     def _robot_at(self, last: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the robot has done by itself since its last reference.

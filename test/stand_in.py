@@ -33,7 +33,6 @@ from redres_ros.robots.joint_limits import JointLimits
 COMMANDS = 'forward_position_controller/commands'
 PARAMETERS = 'forward_position_controller/get_parameters'
 ROUNDING = 1e-9
-TURN = 2.0 * np.pi  # [rad]
 IN_A_BURST = 20e-6  # [s] from one update to the next, of those that an overrun has held up
 
 
@@ -134,7 +133,6 @@ class Habits:
     jitter: float = 0.2  # of the stamps, to either side, as a fraction of the period
     dropped: float = 0.0  # fraction of the states, as the broadcaster is still sending the last
     velocities: bool = True  # are measured; else they are NaN
-    one_turn: bool = False  # angles are measured between -pi and pi only
     servo: float = 0.0  # time constant with which the arm follows its commands [s]; 0: at once
     # speed of a simulation's clock, which begins at zero; 0: it is the computer's
     simulated: float = 0.0
@@ -271,10 +269,7 @@ class StandIn:
 
     def _state(self) -> JointState:
         habits = self._habits
-        measured = self.q
-        if habits.one_turn:
-            measured = measured - TURN * np.round(measured / TURN)
-        positions: Mapping[str, float] = dict(zip(self._joints, measured.tolist(), strict=True))
+        positions: Mapping[str, float] = dict(zip(self._joints, self.q.tolist(), strict=True))
         values = np.array([positions.get(name, 0.02) for name in self._names])
         velocities = np.full(len(values), 0.0 if habits.velocities else np.nan)
         delay = self._random.uniform(-habits.jitter, habits.jitter) * self._period

@@ -49,9 +49,6 @@ def column(references: list[Reference], name: str) -> np.ndarray:
     return np.array([getattr(reference, name) for reference in references])
 
 
-# --- Eq. (36) -------------------------------------------------------------------------------------
-
-
 def test_the_quintic_is_that_of_the_paper():
     for xi in np.linspace(0.0, 1.0, 21):
         s = 6 * xi**5 - 15 * xi**4 + 10 * xi**3
@@ -62,9 +59,6 @@ def test_the_quintic_is_that_of_the_paper():
 @pytest.mark.parametrize(('xi', 's'), [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
 def test_at_its_ends_and_beyond_the_quintic_stands_still(xi, s):
     assert quintic(xi) == (s, 0.0)
-
-
-# --- one segment ----------------------------------------------------------------------------------
 
 
 def test_a_segment_is_a_straight_line_from_rest_to_rest_between_its_points(square):
@@ -167,9 +161,6 @@ def test_what_a_singularity_blocks_keeps_no_segment_from_ending_but_the_last(squ
     assert not planner.reference(square.waypoints[3] + below, 9.0, unachieved=blocked).finished
 
 
-# --- the approach of the first point --------------------------------------------------------------
-
-
 def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
     start = square.waypoints[0] + (0.0, 0.0, 0.1)
     references = follow(Planner(square, start), start, 1100)
@@ -199,9 +190,6 @@ def test_a_tip_that_starts_at_the_first_point_has_no_approach(square, start):
     reference = Planner(square, start).reference(square.waypoints[0], 0.0)
     assert reference.segment == 1
     assert (reference.x_d == square.waypoints[0]).all()
-
-
-# --- arrays ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('t', [0.0, 0.25, 9.0])
@@ -255,9 +243,6 @@ def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
     assert square.path_deviation(on_the_line, np.ones(3)) == pytest.approx(np.zeros(3), abs=1e-15)
     assert square.path_deviation(across, np.ones(3)) == pytest.approx(np.full(3, 0.003))
     assert not square.path_deviation(across, np.zeros(3)).any()  # before x_0: no line
-
-
-# --- a target that changes ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('speed', [0.2, 2.0])  # at the second one the braking distance decides

@@ -49,9 +49,6 @@ def problems(weighted: bool) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, n
     return [(J, dx, b, W if weighted else None) for J, dx, b, W in PROBLEMS]
 
 
-# --- far from singularities -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('form', ['identity', 'weight', 'factor', 'square'])
 def test_it_is_the_formula_of_the_paper_written_plainly(form):
     for J, dx, b, W in PROBLEMS:
@@ -146,9 +143,6 @@ def test_the_quick_way_gives_what_the_careful_one_gives(exponents, seed, weighte
     # Relative rounding of a solution is the condition of J W^-1 J', at most 1e9, times 1e-16.
     tolerance = 1e-6 * np.linalg.norm(careful)
     assert resolve(J, dx, b, W) == pytest.approx(careful, abs=tolerance)
-
-
-# --- a weight known by its factor -----------------------------------------------------------------
 
 
 def test_a_factor_of_condition_a_million_costs_the_task_no_digits():
@@ -250,9 +244,6 @@ def test_what_is_desired_is_what_is_executed_and_what_a_singularity_blocks():
     assert (Solution(np.zeros(7), np.eye(3, 7), executed).desired == executed).all()
     solution = Solution(np.zeros(7), np.eye(3, 7), executed, np.ones(3))
     assert (solution.desired == executed + 1.0).all()
-
-
-# --- what cannot be used --------------------------------------------------------------------------
 
 
 SHAPES_OF = {'J': (3, 7), 'dx': (3,), 'b': (7,)}

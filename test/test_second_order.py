@@ -2,12 +2,10 @@
 part by itself.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel, RobotState, make_law, resolve
+from redres_ros import make_law, resolve
 from redres_ros.errors import UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
@@ -19,29 +17,11 @@ from redres_ros.paper.second_order import (
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
 # Relative to the size of what is compared. The law of least torque solves with M M, of a condition
-# below 1e7 here, and
-# so loses 7 of 16 digits; differences (8), (9) lose 3 more, of which (13) gives 3 back.
+# below 1e7 here, and so loses 7 of 16 digits; differences (8), (9) lose 3 more, of which (13) gives
+# 3 back.
 ROUNDING = 1e-8
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
-
-
-class Tick(NamedTuple):
-    """A state, what the tick before had, and the differences (8), (9) with (10) between the two."""
-
-    state: RobotState
-    J_prev: np.ndarray
-    dx_prev: np.ndarray
-
-
-@pytest.fixture(scope='module')
-def ticks(model: RobotModel, states: list[RobotState]) -> list[Tick]:
-    """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
-    before = [model.state(state.q - T * state.dq_prev, state.dq_prev).J[:3] for state in states]
-    return [
-        Tick(state, J_prev, J_prev @ state.dq_prev)
-        for state, J_prev in zip(states, before, strict=True)
-    ]
 
 
 def same(got: np.ndarray, expected: np.ndarray) -> bool:
@@ -50,10 +30,13 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 
 @EVERY_SCHEME
 @EVERY_DAMPING
-def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
+def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, states):
     law = make_law(name, damping=damping)
     scheme = Scheme(name, damping)
-    for state, J_prev, dx_prev in ticks:
+    for state in states:
+        # The tick before has executed its task: J_{k-1} dq_{k-1} = dx_{k-1}.
+        J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J[:3]
+        dx_prev = J_prev @ state.dq_prev
         dq = resolve(state.J[:3], DX, law.bias(state, T), law.weight(state))
         assert same(step(scheme, T, state, J_prev, DX, dx_prev), dq)
 

@@ -111,11 +111,11 @@ Tick = tuple[Command, np.ndarray, float]
 
 
 def ticks_along(
-    arm: str, law: str, q: np.ndarray, path: Path, duration: float, limits=BOX, gains=NO_GAINS
+    arm: str, law: str, q: np.ndarray, path: Path, duration: float, gains=NO_GAINS
 ) -> Iterator[Tick]:
     """A path by its share (0 to 1), at rest at both ends; the clock goes on by s T."""
     model = model_of(arm)
-    controller = Controller(model, make_law(law), T, limits=limits, limit_gains=gains)
+    controller = Controller(model, make_law(law), T, limits=BOX, limit_gains=gains)
     t = 0.0
     while t < duration:
         share, rate = quintic(t / duration)

@@ -94,9 +94,6 @@ def model_of(text: str, tip: str = 'tip') -> RobotModel:
     return RobotModel(arm_from_urdf(text, tip))
 
 
-# --- what hangs beside the chain ------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('kind', ['floating', 'planar', 'continuous'])
 def test_joints_of_any_kind_beside_the_chain_are_held_at_zero_and_named(kind):
     text = urdf(finger=joint('finger', 'palm', 'left', '<axis xyz="0 0 1"/>', kind))
@@ -118,9 +115,6 @@ def test_joints_beyond_the_tip_are_held():
 def test_without_a_tip_the_last_links_are_listed():
     with pytest.raises(FileError, match='there are 3 last links: left, right, tip'):
         arm_from_urdf(urdf())
-
-
-# --- several tips ---------------------------------------------------------------------------------
 
 
 def test_joints_of_every_tip_move_and_all_libraries_have_them_in_the_same_order():
@@ -250,9 +244,6 @@ def test_a_tree_that_is_no_arm_is_refused_by_name(text, tip, complaint):
     assert complaint in refusal(text, tip)
 
 
-# --- inertias -------------------------------------------------------------------------------------
-
-
 def test_an_arm_without_any_masses_moves_but_cannot_be_simulated():
     arm = arm_from_urdf(re.sub(r'<inertial>.*?</inertial>', '', urdf()), 'tip')
     model = RobotModel(arm)
@@ -270,9 +261,6 @@ def test_the_simulated_arm_has_a_possible_inertia_where_the_urdf_has_none():
     plant = MujocoPlant(arm, 0.002, np.array(arm.start))
     plant.step(np.array(arm.start))
     assert plant.q == pytest.approx(arm.start, abs=1e-9)
-
-
-# --- sources --------------------------------------------------------------------------------------
 
 
 def test_errors_name_the_file(tmp_path):
