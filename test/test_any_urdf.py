@@ -90,7 +90,7 @@ def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_
     by_day(
         1,
         [
-            ('sim', {'robot': 'topic'}, ('publishes robot_description itself', 'lwr4_paper')),
+            ('sim', {'robot': 'topic'}, ("unknown robot 'topic'", 'lwr4_paper')),
             ('controller', {'robot': '/no/such/arm.urdf'}, ('cannot read /no/such/arm',)),
             ('controller', {'acceleration_limit': [1.0]}, ('has 1 values', 'lwr_a1_joint')),
         ],

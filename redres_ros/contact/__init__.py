@@ -100,15 +100,11 @@ class AdmittanceSettings:
                 f'damping holds {len(self.damping)} values; expected {rows}, as many as dx has'
             )
 
-    def desired_force(self, state: RobotState) -> np.ndarray:
-        """f_d in the axes of the base, (3,) [N]."""
-        return self._rotation(state) @ np.array(self.force[:3])
-
     def rate(
         self, wrench: Wrench, e: np.ndarray, de: TaskVelocity, T: Seconds, state: RobotState
     ) -> TaskVelocity:
         """The next de, for e (m,), the last de and a wrench, all in the axes of the base."""
-        R = self._rotation(state)
+        R = self.rotation(state)
         f = _turned(R.T, wrench[: len(e)])
         e = _turned(R.T, e)
         mass = np.array(self.mass) / T
@@ -117,7 +113,7 @@ class AdmittanceSettings:
         force = mass * _turned(R.T, de) + f - np.array(self.force) - stiffness * e
         return _turned(R, force / resistance)
 
-    def _rotation(self, state: RobotState) -> Rotation:
+    def rotation(self, state: RobotState) -> Rotation:
         """Of the frame of the directions."""
         if self.frame == BASE:
             return np.eye(3)
@@ -155,11 +151,6 @@ class _ForceSensor:
             self._recent.clear()
             self._age = 0.0
 
-    @property
-    def waits(self) -> bool:
-        """Whether the first wrench has not come yet."""
-        return not self._recent
-
     def advance(self, cycles: Cycles) -> None:
         self._age += cycles * self._T
 
@@ -173,8 +164,12 @@ class _ForceSensor:
             return f'the wrench is {raw}; expected finite values below {_IMPOSSIBLE:g}'
         return ''
 
-    def at_tip(self, state: RobotState) -> Wrench:
-        """Force and moment about the tip in the axes of the base, if a usable wrench has come."""
+    def at_tip(self, state: RobotState) -> Wrench | None:
+        """Force and moment about the tip in the axes of the base, of a wrench that can be used;
+        None before the first.
+        """
+        if not self._recent:
+            return None
         x, R = state.pose(self._frame)
         measured = self._recent[-1] - self._bias
         force = R @ measured[:3]
@@ -274,9 +269,9 @@ class ContactControl:
             return dx
         if problem := self.sensor.problem:
             raise ContactError(problem)
-        if self.sensor.waits:
-            return dx
         wrench = self.sensor.at_tip(state)
+        if wrench is None:
+            return dx
         self.force = wrench[:3]
         if self._retreat is None and self._exceeds_limit():
             self._retreat = self.force / np.linalg.norm(self.force)
@@ -315,10 +310,10 @@ class ContactControl:
         if not self.settings.enabled:
             self.restart()
             return False
-        if self.sensor.problem or self.sensor.waits:
+        wrench = None if self.sensor.problem else self.sensor.at_tip(state)
+        if wrench is None:
             return False
         self.de = np.zeros(len(self.de))
-        wrench = self.sensor.at_tip(state)
         self.force = wrench[:3]
         rate = self._rate(wrench, state)
         return self._exceeds_limit() or bool((np.abs(rate) > _AT_REST).any())
@@ -379,7 +374,7 @@ class ContactControl:
         """Bound the speed in rate, and the distance, while force is asked for and nothing touches.
         Raises ContactError if no contact was found.
         """
-        desired = self.settings.desired_force(state)
+        desired = self.settings.rotation(state) @ np.array(self.settings.force[:3])  # (3,) [N]
         size = float(np.linalg.norm(desired))
         if size == 0.0 or float(self.force @ desired) > _TOUCHES * size**2:
             self._searched = 0.0

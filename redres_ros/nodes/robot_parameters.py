@@ -28,7 +28,6 @@ from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import DYNAMICS
-from redres_ros.robots.table import ALLOWED
 from redres_ros.tasks import TASKS
 from redres_ros.types import Seconds
 
@@ -63,12 +62,10 @@ def declare_robot(
     """
     robot = declare_one(node, 'robot', 'lwr4_paper', _ROBOT)
     tip_frame = declare_one(node, 'tip_frame', '', _TIP_FRAME)
-    if robot == TOPIC and is_the_robot:
-        raise ParameterError(
-            f'robot is {TOPIC}, but this node publishes {DESCRIPTION} itself; '
-            f'allowed: {", ".join(ALLOWED)}'
-        )
-    arm = make_arm(robot, tip_frame, lambda: _await_description(node))
+    if is_the_robot:
+        arm = choose_arm(robot, tip_frame)
+    else:
+        arm = make_arm(robot, tip_frame, lambda: _await_description(node))
     for remark in arm.remarks():
         node.get_logger().info(remark)
     acceleration = declare_one(node, 'acceleration_limit', arm.acceleration_limit, _ACCELERATION)
