@@ -12,15 +12,18 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import PATIENCE, await_that, nodes
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from graph_helpers import PATIENCE, await_that, graph, nodes
 
 from redres_ros.nodes.topics import MODE, REASON, SESSION
+from redres_ros.preflight import snapshot
 from redres_ros.preflight.snapshot import (
     COMMANDS,
     FORWARD,
     STATES,
     TWISTS,
     GraphSnapshot,
+    SnapshotNode,
     StateSeen,
 )
 from redres_ros.preflight.verdicts import FAULT, NOTE, OK, ExpectedArm, Verdict, judge
@@ -170,6 +173,18 @@ def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> No
     seen = good(controller=None, controllers=0)
     assert beyond('joints', seen, ExpectedArm('lwr4')).level == OK
     assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level == FAULT
+
+
+def test_what_the_controller_reports_on_diagnostics_is_noted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(snapshot, '_DISCOVERY', 0.0)
+    with graph(SnapshotNode) as (node, _):
+        report = DiagnosticStatus(
+            name='controller', message='it fails', level=DiagnosticStatus.ERROR
+        )
+        node._on_diagnostics(DiagnosticArray(status=[report]))
+        assert node.look(0.0).problem == 'it fails'
 
 
 def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
