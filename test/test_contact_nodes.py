@@ -99,7 +99,7 @@ def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:
         assert run.set('controller', **{**ON, 'admittance.force': [0.0, 0.0, 0.0]})
         run.run(0.5)
         assert mode(run) is Mode.HOLDING
-        assert np.abs(run.nodes['controller']._sensors.contact.force).max() < 1e-9
+        assert np.abs(run.nodes['controller']._loop.measurements.contact.force).max() < 1e-9
 
 
 @pytest.mark.parametrize('source', ['topic', 'effort'])
