@@ -147,7 +147,7 @@ class Graph:
             self._latched[topic] = (message, now)
         if topic not in self._receivers and topic not in self.kept:
             return
-        sent = _copied(message)
+        sent = deserialize_message(serialize_message(message), type(message))
         if topic in self.kept:
             self.kept[topic].append((self.clock.now, sent))
         for receiver in self._receivers.get(topic, ()):
@@ -419,8 +419,3 @@ def _freeze(graph: Graph) -> None:
 
 def _as_yaml(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _copied(message: Any) -> Any:
-    """A message of its own, as after a way through DDS."""
-    return deserialize_message(serialize_message(message), type(message))
