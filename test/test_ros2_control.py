@@ -77,9 +77,9 @@ def scene(directory: Path, rate: float, habits: Habits | None = None) -> Iterato
         yield Scene(graph, robot, published, rate)
 
 
-def plan(graph: Graph, robot: StandIn) -> None:
+def plan(graph: Graph, robot: StandIn, aim: np.ndarray = AIM) -> None:
     x, R = RobotModel(ARM).tip(robot.q)
-    graph.publish('target_pose', to_pose(0, '', x + AIM, R))
+    graph.publish('target_pose', to_pose(0, '', x + aim, R))
 
 
 def teleoperate(graph: Graph, robot: StandIn) -> None:
@@ -264,8 +264,8 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
         now.advance(1.0)
     else:
         now.advance(0.5)
-        plan(now.graph, robot)
-        now.advance(1.0 if case == 'in motion' else 8.0)
+        plan(now.graph, robot, AIM if case == 'in motion' else AIM / 3.0)
+        now.advance(1.0 if case == 'in motion' else 4.0)
         assert now.published.modes[-1] == ('moving' if case == 'in motion' else 'holding')
     if case == 'after an error of the hardware':
         robot.fail_read()
