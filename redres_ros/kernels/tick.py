@@ -38,6 +38,14 @@ def largest(x: np.ndarray) -> float:
 
 
 @direct
+@compiled((float64, vector(), _VECTOR))
+def multiply(factor: float, x: np.ndarray, y: np.ndarray) -> None:
+    """Write factor x, (n,), into y: to the bit as numpy."""
+    for i in range(len(x)):
+        y[i] = factor * x[i]
+
+
+@direct
 @compiled((vector(), vector(), float64, _VECTOR))
 def differentiate(x: np.ndarray, x_prev: np.ndarray, T: float, dx: np.ndarray) -> None:
     """Write (x - x_prev) / T, as of Eq. (13), into dx."""

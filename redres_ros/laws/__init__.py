@@ -23,6 +23,7 @@ import numpy as np
 
 from redres_ros.errors import RangeError
 from redres_ros.kernels.closed_form import free_motion
+from redres_ros.kernels.tick import multiply
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
@@ -31,9 +32,7 @@ from redres_ros.types import JointVelocities, Seconds
 
 @dataclass(frozen=True)
 class Law(ABC):
-    """A redundancy resolution law at the velocity level. A subclass is a frozen dataclass whose
-    fields, declared with `param`, are its gains.
-    """
+    """A law at the velocity level: a frozen dataclass whose `param` fields are its gains."""
 
     has_memory: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
@@ -54,9 +53,7 @@ class Law(ABC):
         return 1.0 - self.damping * T
 
     def check_damping(self, T: Seconds) -> None:
-        """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or
-        diverges (Appendix B).
-        """
+        """Raise RangeError unless 0 <= k_d <= 1/T: the rest oscillates or diverges (Appendix B)."""
         if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
             allowed = f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s'
             raise RangeError('damping', self.damping, 0.0, 1.0 / T, allowed)
@@ -77,7 +74,9 @@ class MinimumAcceleration(Law):
     """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
 
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
-        return self.forgetting_factor(T) * state.dq_prev  # Eq. (23)
+        b = np.empty(len(state.q))
+        multiply(self.forgetting_factor(T), state.dq_prev, b)  # in half of numpy's time
+        return b  # lambda dq_{k-1}, Eq. (23)
 
 
 @dataclass(frozen=True)
