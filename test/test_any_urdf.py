@@ -5,10 +5,8 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -83,23 +81,3 @@ def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_
         os.kill(processes['controller'].pid, signal.SIGTERM)
         assert processes['controller'].wait(PATIENCE) == 130
     assert 'Traceback' not in log.read_text()
-
-
-@pytest.mark.parametrize(
-    ('node', 'parameters', 'words'),
-    by_day(
-        1,
-        [
-            ('sim', {'robot': 'topic'}, ("unknown robot 'topic'", 'lwr4_paper')),
-            ('controller', {'robot': '/no/such/arm.urdf'}, ('cannot read /no/such/arm',)),
-            ('controller', {'acceleration_limit': [1.0]}, ('has 1 values', 'lwr_a1_joint')),
-        ],
-    ),
-)
-def test_an_arm_that_cannot_be_is_refused_in_one_line(
-    node: str, parameters: dict[str, Any], words: tuple[str, ...], tmp_path: Path
-) -> None:
-    with nodes(tmp_path, **{node: parameters}) as (_, processes):
-        assert processes[node].wait(PATIENCE) == 1
-    [line] = log_lines(tmp_path, node)
-    assert all(word in line for word in words), line

@@ -22,7 +22,6 @@ MODEL = RobotModel.named('fr3')
 X0, R0 = MODEL.tip(np.array(MODEL.arm.start))
 FORCE = 20.0  # [N]
 ON = {'admittance.enabled': True}
-OFF = {'admittance.enabled': False}
 
 
 @contextmanager
@@ -76,18 +75,6 @@ def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
     assert np.sqrt(np.mean((pressed / np.sqrt(1.09) - FORCE) ** 2)) < 0.5
     assert (x - X0)[1] == pytest.approx(0.1, abs=0.01)
     assert safety_filter.count == 0
-
-
-def test_going_off_stops_the_force_control_and_holds_the_arm() -> None:
-    with table_below(100.0) as run:
-        assert run.set('controller', **ON)
-        run.run(1.5)
-        assert run.set('controller', **OFF)
-        run.run(1.5)
-        q = run.nodes['controller']._loop._controller.reference
-        run.run(0.5)
-        assert (run.nodes['controller']._loop._controller.reference == q).all()
-        assert mode(run) is Mode.HOLDING
 
 
 def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:

@@ -32,13 +32,11 @@ def recipes() -> dict[str, list[Step]]:
     for section in re.split(r'^## Add an? ', PAGE, flags=re.MULTILINE)[1:]:
         kind = section.partition('\n')[0]
         blocks = re.findall(r'(.*?)^```(\w+)\n(.*?)^```$', section, re.MULTILINE | re.DOTALL)
-        found[kind] = [Step(last_file(text), language, code) for text, language, code in blocks]
+        found[kind] = []
+        for text, language, code in blocks:
+            files = re.findall(r'`([\w/]+\.\w+)`', text)
+            found[kind].append(Step(files[-1] if files else '', language, code))
     return found
-
-
-def last_file(text: str) -> str:
-    files = re.findall(r'`([\w/]+\.\w+)`', text)
-    return files[-1] if files else ''
 
 
 def apply(diff: str, content: str) -> str:

@@ -98,20 +98,14 @@ def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_of_its_node_befor
     assert graph.log.values_at(LAW, stamps, 'none') == ['none'] * 3
 
 
-def exchange(*times: tuple[float, float | None]) -> Log:
-    """States that were sent and commands for them at some times [ms], by tick."""
-    graph = Graph()
-    for tick, (sent, returned) in enumerate(times, 1):
-        graph.publish_state(tick, at=int(sent * MS))
-        if returned is not None:
-            graph.publish_command(tick, at=int(returned * MS))
-    return graph.log
-
-
 @pytest.mark.parametrize(('period', 'late'), [(T, 1), (np.inf, 0)])
 def test_every_cycle_is_counted_as_one_of_three(period: float, late: int) -> None:
-    log = exchange((0.0, 1.0), (2.0, 5.0), (4.0, None), (11.5, None))  # the last after the task
-    cycles = count_cycles(log, period, PERIOD, 3 * PERIOD)
+    graph = Graph()
+    for tick, sent in enumerate((0.0, 2.0, 4.0, 11.5), 1):  # [ms], the last after the task
+        graph.publish_state(tick, at=int(sent * MS))
+    for tick, returned in ((1, 1.0), (2, 5.0)):
+        graph.publish_command(tick, at=int(returned * MS))
+    cycles = count_cycles(graph.log, period, PERIOD, 3 * PERIOD)
     assert cycles == {'in time': 2 - late, 'late': late, 'missing': 1}
 
 
