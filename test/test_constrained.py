@@ -128,9 +128,6 @@ def test_a_velocity_that_keeps_every_limit_comes_back_to_rounding():
     assert bounded.s == 1.0 and not is_relaxed(bounded)
 
 
-# --- the first task -------------------------------------------------------------------------------
-
-
 @WEIGHTS
 @STRETCHES
 def test_the_share_is_the_largest_in_the_direction_of_the_task_and_then_the_law_is_best(
@@ -204,9 +201,6 @@ def test_where_no_share_will_do_the_error_is_least_and_then_the_share_largest():
     assert relaxed > MANY / 2
 
 
-# --- more tasks, and rows -------------------------------------------------------------------------
-
-
 def test_a_lower_task_has_the_least_error_and_leaves_the_upper_one_alone():
     for seed in range(MANY):
         problem = Problem(seed, 1)
@@ -270,9 +264,8 @@ def test_rows_have_the_least_excess_that_the_box_allows_and_then_the_share_is_th
         if bounded.excess < 1e-6:
             share = largest_share(problem.J, problem.dx, problem.box, C, low, high)
             if seed % 3 == 0 and not is_relaxed(bounded) and np.isfinite(share):
-                assert bounded.s == pytest.approx(share, abs=1e-7), (
-                    seed
-                )  # of HiGHS with rows of 1e3
+                # of HiGHS with rows of 1e3
+                assert bounded.s == pytest.approx(share, abs=1e-7), seed
             continue
         exceeded += 1
         gradient = C.T @ excess / np.abs(C).max() / np.linalg.norm(excess)
@@ -336,9 +329,6 @@ def test_many_rows_have_the_optimum_of_all_at_once(monkeypatch):
         assert few.excess == pytest.approx(expected.excess, rel=1e-7, abs=1e-9), seed
         if expected.limiting >= 0:
             assert few.limiting == expected.limiting, seed
-
-
-# --- whatever comes -------------------------------------------------------------------------------
 
 
 def nasty(random: np.random.Generator) -> tuple:

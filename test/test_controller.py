@@ -86,9 +86,6 @@ def underway(model, task) -> Callable[[str, float], Drive]:
     return at
 
 
-# --- one tick -------------------------------------------------------------------------------------
-
-
 def test_the_reference_is_the_position_plus_one_tick_of_velocity(model, task):
     command = controller_of(model).update(task.start, DX)
     assert command.q_ref == pytest.approx(task.start + T * command.dq, abs=1e-15)  # footnote 1
@@ -132,9 +129,6 @@ def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
     ).all()
 
 
-# --- what it integrates ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('origin', ['command', 'measurement'])
 @pytest.mark.parametrize('missed', [0, 1, 5])
 def test_the_reference_goes_on_from_its_origin_over_missed_cycles(model, task, missed, origin):
@@ -171,9 +165,6 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
     command = controller.update(elsewhere, DX)
     fresh = controller_of(model).update(elsewhere, DX)
     assert (command.q_ref == fresh.q_ref).all()
-
-
-# --- what it refuses ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -228,9 +219,6 @@ def test_bad_input_leaves_the_controller_exactly_as_it_was(model, task, q, dx):
         expected = calm.update(task.start, DX)
         assert (got.dq == expected.dq).all()
         assert (got.q_ref == expected.q_ref).all()
-
-
-# --- switching ------------------------------------------------------------------------------------
 
 
 @PAIRS

@@ -3,21 +3,15 @@
 import numpy as np
 import pytest
 from nightly import NIGHTLY
+from test_limits import BOX, ROUNDING, T, acceleration_limit
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, make_law
 from redres_ros.command import Published
 from redres_ros.errors import DivergedError, UnknownNameError
 
-T = 0.002  # [s]
-BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
-ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
 LAW_NAMES = tuple(LAWS)
-
-
-def acceleration_limit(model: RobotModel) -> np.ndarray:
-    return np.array(model.arm.acceleration_limit)
 
 
 def controller_of(

@@ -218,12 +218,9 @@ AT_AN_END = (0.49, 1.817, 2.93, 1.655, 0.25, -0.491, 0.0)  # [rad], near that of
 def prepared(situation: Situation, run: VirtualRun) -> None:
     """Bring the arm into a situation, in which the fault then begins."""
     run.run(1.5)
-    if situation is Situation.HOLDING:
+    if situation in (Situation.HOLDING, Situation.STOPPING):
         assert run.graph.call('controller/hold', data=True).success
-        run.run(1.0)
-    elif situation is Situation.STOPPING:
-        assert run.graph.call('controller/hold', data=True).success
-        run.run(2.0 / RATE)
+        run.run(1.0 if situation is Situation.HOLDING else 2.0 / RATE)
     elif situation is Situation.INACTIVE:
         assert run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
         run.run(1.0)
