@@ -36,9 +36,6 @@ def simulate(short: str, path: Path, *options: str) -> np.ndarray:
     return np.loadtxt(path, delimiter=',', skiprows=1)
 
 
-# --- simulate -------------------------------------------------------------------------------------
-
-
 def test_simulate_writes_the_columns_that_users_rely_on_and_reports_the_end(
     short, tmp_path, capsys
 ):
@@ -299,9 +296,6 @@ def test_what_is_gone_is_refused_with_what_to_write_instead(line, instead, capsy
     assert said.count('\n') == 1
 
 
-# --- robots ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize('name', ['iiwa7', 'planar4r'])
 def test_a_robot_does_its_own_task_by_default(name, tmp_path, capsys):
@@ -332,9 +326,6 @@ def test_another_tip_gets_a_path_of_its_own(capsys):
     urdf = ARMS['iiwa7'].source
     assert main(['simulate', '--robot', urdf, '--tip', 'lbr_link_7', '--period', '0.01']) == 0
     assert 'a square before the tip' in capsys.readouterr().out
-
-
-# --- what is loaded -------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
