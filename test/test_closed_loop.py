@@ -86,7 +86,7 @@ def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law):
 
 def test_progress_goes_from_nothing_to_all():
     shares: list[float] = []
-    brief = replace(TASK, waypoints=TASK.waypoints[:2], segment_time=0.5)
+    brief = replace(TASK, waypoints=TASK.waypoints[:2])
     run(Controller(MODEL, make_law('minimum_velocity'), T), brief, progress=shares.append)
     assert shares[0] == 0.0
     assert 0.9 < shares[-1] <= 1.0
