@@ -20,6 +20,7 @@ _PUBLIC = {
     'preferences': 'PREFERENCES Preference make_preference Compliance ElbowHeight JointCentering '
     'JointLimitAvoidance Manipulability Posture',
     'resolution': 'resolve',
+    'preview': 'Preview',
     'robot_model': 'RobotModel RobotState',
     'simulation.batch': 'Case Result batch',
     'simulation.closed_loop': 'run',
@@ -53,6 +54,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run this file
     from redres_ros.preferences import Posture as Posture
     from redres_ros.preferences import Preference as Preference
     from redres_ros.preferences import make_preference as make_preference
+    from redres_ros.preview import Preview as Preview
     from redres_ros.resolution import resolve as resolve
     from redres_ros.robot_model import RobotModel as RobotModel
     from redres_ros.robot_model import RobotState as RobotState

@@ -110,12 +110,14 @@ class Published:
     Attributes:
         command: The velocity that was commanded; another one than dq, that of the reference, only
             if references are integrated from measurements.
+        plan: What a law that looks ahead has planned from there.
     """
 
     q: JointPositions
     dq: JointVelocities
     ddq: JointAccelerations
     command: JointVelocities
+    plan: Any = None
 
     @classmethod
     def at_rest(cls, q: JointPositions) -> 'Published':
@@ -171,14 +173,14 @@ class RobotInterface:
         command = published.command
         zeros = np.zeros(len(q))
         if self.holds:
-            return Published(q, zeros, zeros, command)
+            return Published(q, zeros, zeros, command, published.plan)
         if self.bridging == 'velocity' or not dq.any():
             ddq = zeros
         ahead = q + T * missed * (dq + T * (missed + 1) / 2.0 * ddq)
         q_min, q_max = q_range
         stopped = np.clip(ahead, np.minimum(q_min, q), np.maximum(q_max, q))
         dq_ahead = np.where(stopped == ahead, dq + T * missed * ddq, 0.0)
-        return Published(stopped, dq_ahead, ddq, command)
+        return Published(stopped, dq_ahead, ddq, command, published.plan)
 
 
 ROBOT_INTERFACES: dict[str, RobotInterface] = {

@@ -17,6 +17,7 @@ from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
+from redres_ros.preview import Preview
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
@@ -162,6 +163,11 @@ class Controller:
         return self.policy.law
 
     @property
+    def horizon(self) -> Seconds:
+        """How long a path its law wants to know ahead; 0 for none."""
+        return getattr(self.policy.law, 'horizon', 0.0)
+
+    @property
     def reference(self) -> JointPositions:
         """The last position reference. Raises RedresError before the first."""
         if self.published is None:
@@ -297,6 +303,7 @@ class Controller:
         dx: TaskVelocity,
         missed: Cycles = 0,
         correction: TaskVelocity | None = None,
+        ahead: Preview | None = None,
     ) -> Command:
         """The command for one state, which counts as published.
 
@@ -305,6 +312,8 @@ class Controller:
             missed: Cycles since the last update that went without one; the robot has bridged them.
             correction: The part of dx that only holds what nobody asks to move. With scaling by
                 components it yields to the rest.
+            ahead: The tip's path from this tick on, for a law with a horizon. It decides the motion
+                in the null space alone. An old one, or one that begins elsewhere, counts as none.
 
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
@@ -312,7 +321,7 @@ class Controller:
             DivergedError: The joints would exceed SPEED_LIMIT. Where dx is the reason, the
                 controller is as it was before. Where its own velocity history is, it restarts.
         """
-        return self.commit(self.plan(q, dx, missed, correction))
+        return self.commit(self.plan(q, dx, missed, correction, ahead))
 
     def plan(
         self,
@@ -320,6 +329,7 @@ class Controller:
         dx: TaskVelocity,
         missed: Cycles = 0,
         correction: TaskVelocity | None = None,
+        ahead: Preview | None = None,
     ) -> Plan:
         """The next reference, for commit(); arguments as of update().
 
@@ -338,6 +348,8 @@ class Controller:
         tick = self._tick
         if correction is not None:
             tick = replace(tick, correction=as_vector(correction, self.m, 'correction'))
+        if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
+            tick = replace(tick, ahead=ahead.of_rows(self.m), elapsed=(missed + 1) * self.T)
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -349,14 +361,16 @@ class Controller:
         at = start
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
-        state = RobotState(self.model, at, dq_prev, base.ddq, tick)
+        state = RobotState(self.model, at, dq_prev, base.ddq, tick, base.plan)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
             self._choose()
         motion: Motion = self._desired
         if self._motion is not motion:
             elapsed = (missed + 1) * self.T
-            motion = advanced(self._motion, self._desired, dq_prev, elapsed, self.switch_time)
+            motion = advanced(
+                self._motion, self._desired, dq_prev, elapsed, self.switch_time, base.plan
+            )
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         n = self.model.n
@@ -370,7 +384,7 @@ class Controller:
             dq_ref = np.empty(n)
             differentiate(q_ref, base.q, self.T, dq_ref)
         solution.dq = dq.copy()  # whatever is done to a command
-        reference = Published(q_ref, dq_ref, ddq, dq)
+        reference = Published(q_ref, dq_ref, ddq, dq, solution.plan)
         return Plan(solution, q_ref.copy(), state, self.T, motion, base, reference)
 
     def commit(self, plan: Plan) -> Command:

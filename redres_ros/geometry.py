@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pinocchio as pin
 
 from redres_ros.types import Quaternion, Rotation, RotationVector
@@ -16,6 +17,12 @@ def quintic(xi: float) -> tuple[float, float]:
     """
     xi = min(max(xi, 0.0), 1.0)
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
+
+
+def quintics(xi: np.ndarray) -> np.ndarray:
+    """s(xi) of Eq. (36) for each of several, (N,)."""
+    xi = np.clip(xi, 0.0, 1.0)
+    return xi**3 * (10.0 + xi * (6.0 * xi - 15.0))
 
 
 def rotation_matrix(vector: RotationVector) -> Rotation:

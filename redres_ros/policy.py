@@ -26,7 +26,7 @@ from redres_ros.resolution import (
 )
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import brake_before_end, escape, locked
-from redres_ros.tasks import TASKS, Configuration, Task
+from redres_ros.tasks import TASKS, Configuration, Pose, Position, Task
 from redres_ros.types import JointVelocities, Seconds, TaskVelocity
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ SCALING = ('task', 'components')  # what limits scale: the task velocity, or eac
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a motion that gets there has diverged
 
 _SCALING = Parameter('what limits scale', choices=SCALING)
+_PATH_ROWS: dict[type[Task], int] = {Position: 3, Pose: 6}
 _ROUNDING = 1e-9  # of dx; less counts as achieved
 
 
@@ -80,8 +81,7 @@ class Policy:
         task = self.task
         J = task.jacobian(state)
         scale = task.row_scale(state.model)
-        W = self.law.weight(state)
-        b = self.law.bias(state, T)
+        W, b, plan = self.law.objective(state, T)
         if self.preferences and self.law.has_memory:
             given = [preference.acceleration_in(state, W) for preference in self.preferences]
             b = b + T * np.add.reduce(given)  # Eq. (19)
@@ -96,14 +96,14 @@ class Policy:
         else:
             dq, damped = resolve_one(rows, rates, b, W)
         if not damped:
-            return Solution(dq, J, dx, None, W, levels, scale)
+            return Solution(dq, J, dx, None, W, levels, scale, plan=plan)
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _ROUNDING * np.linalg.norm(dx):
             dq = dq + escape(state, task, J, dx)
             if self.scaling == 'components':
                 dq = self._unlocked(dq, b, W, [(rows, rates), *levels[1:]], state)
             executed = J.dot(dq)
-        return Solution(dq, J, executed, dx - executed, W, levels, scale)
+        return Solution(dq, J, executed, dx - executed, W, levels, scale, plan=plan)
 
     def constrained(self, free: Solution, state: RobotState, T: Seconds) -> Solution:
         """The velocity within limits that is nearest to a given one; itself if it keeps them."""
@@ -141,6 +141,7 @@ class Policy:
             solved.s,
             active,
             component_scaling=solved.component_scaling,
+            plan=free.plan,
         )
 
     def within(self, limits: 'Limits') -> 'Policy':
@@ -177,6 +178,11 @@ class Policy:
     def stop(self) -> 'Hold':
         """The standstill that this policy is left for."""
         return Hold(self.task, self.limits)
+
+    @property
+    def path_rows(self) -> int:
+        """How many rows of the tip's path are its first task: 3, 6 with the orientation, or 0."""
+        return 0 if getattr(self.task, 'frame', '') else _PATH_ROWS.get(type(self.task), 0)
 
     @property
     def measurements(self) -> set[str]:
@@ -267,6 +273,7 @@ class Crossfade:
     # The last velocity that `old` alone would have commanded, within its own limits. With the mixed
     # velocity its null-space motion would shrink every cycle.
     dq_old: JointVelocities
+    plan_old: Any = None  # what its law has planned from there
     progress: float = 0.0  # elapsed fraction of the switch time
 
     def solve(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution:
@@ -294,6 +301,7 @@ class Crossfade:
         if at_once:
             mixed = self.new.constrained(mixed, state, T)
         mixed.dq_old = old.dq
+        mixed.plan_old = old.plan
         return mixed
 
     def within(self, limits: 'Limits') -> 'Crossfade':
@@ -305,14 +313,14 @@ class Crossfade:
         """The motion once its solution has been commanded: it keeps its old motion's velocity."""
         if solution.dq_old is None:
             return self.new
-        return replace(self, dq_old=solution.dq_old)
+        return replace(self, dq_old=solution.dq_old, plan_old=solution.plan_old)
 
     def _old_solution(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution | None:
         if self.old is None:
             J = self.new.task.jacobian(state)
             return Solution(self.dq_old, J, J.dot(self.dq_old))
         try:
-            old = self.old.solve(state.with_velocity(self.dq_old), dx, T)
+            old = self.old.solve(state.with_velocity(self.dq_old, self.plan_old), dx, T)
         except RedresError:
             return None
         return old if float(np.abs(old.dq).max()) <= SPEED_LIMIT else None
@@ -324,6 +332,7 @@ def advanced(
     dq_prev: JointVelocities,
     T: Seconds,
     switch_time: Seconds,
+    plan: Any = None,
 ) -> Motion:
     """The motion of the next cycle, T after the last, from the one in force to the desired one.
 
@@ -332,7 +341,7 @@ def advanced(
     """
     if motion == desired:
         return desired
-    fade = motion if isinstance(motion, Crossfade) else Crossfade(motion, desired, dq_prev)
+    fade = motion if isinstance(motion, Crossfade) else Crossfade(motion, desired, dq_prev, plan)
     before = fade.new if fade is motion else fade.old
     knows_task = isinstance(before, Policy) and before.task == desired.task
     if desired is not before and (isinstance(desired, Hold) or not knows_task):

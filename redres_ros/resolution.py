@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -94,6 +95,8 @@ class Solution:
     dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()
+    plan: Any = None  # of a law that looks ahead
+    plan_old: Any = None  # in a crossfade: that of the old motion
 
     @property
     def desired(self) -> TaskVelocity:

@@ -5,11 +5,13 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.preview import Preview
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.kinematics import Bodies
 from redres_ros.types import (
@@ -24,12 +26,15 @@ from redres_ros.types import (
     Meters,
     Position,
     Rotation,
+    Seconds,
     TaskVelocity,
     Twist,
     finite_vector,
 )
 
 _ALIGNED = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, along the axes of the base
+
+_INNER_MARGIN = 0.05  # [rad]
 
 # w.dot(_CROSS), as (3, 3), is the matrix K with K v = w x v
 _CROSS = np.array(
@@ -50,6 +55,8 @@ class TickContext:
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
     correction: TaskVelocity | None = None  # the part of dx that only holds what must not move
     lost: Cycles = 0  # commands that the robot may lose and bridge at constant acceleration
+    ahead: Preview | None = None  # the path to come of the first task, if it has one
+    elapsed: Seconds = 0.0  # since the last command
 
 
 _USUAL = TickContext()
@@ -59,7 +66,8 @@ class RobotState:
     """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
     dq_prev is the last command, which is all that is known of the velocity at a tick (footnote 4),
-    ddq_prev its acceleration. Each quantity is evaluated once, when it is asked for first.
+    ddq_prev its acceleration, `plan` what a law had planned from there. Each quantity is evaluated
+    once, when it is asked for first.
     """
 
     # Until a quantity is asked for. A property with such a default takes half of what a
@@ -76,17 +84,20 @@ class RobotState:
         dq_prev: JointVelocities,
         ddq_prev: JointAccelerations | None = None,
         tick: TickContext = _USUAL,
+        plan: Any = None,
     ) -> None:
         self.model = model
         self.tick = tick
+        self.plan = plan
         self.q = q
         self.dq_prev = dq_prev
         self.ddq_prev = np.zeros(len(q)) if ddq_prev is None else ddq_prev
 
-    def with_velocity(self, dq_prev: JointVelocities) -> 'RobotState':
+    def with_velocity(self, dq_prev: JointVelocities, plan: Any = None) -> 'RobotState':
         """The same position at another last velocity; keeps what q alone decides."""
         state = copy(self)
         state.dq_prev = dq_prev
+        state.plan = plan
         state._n = None
         return state
 
@@ -200,6 +211,17 @@ class RobotModel:
     def bodies(self) -> Bodies:
         """The capsules that must not collide, read from the URDF."""
         return Bodies.along(self.kinematics, self.arm.body_radius)
+
+    @cached_property
+    def chain(self) -> tuple[np.ndarray, ...]:
+        """From the base to the tip, as kernels/look_ahead.py takes it."""
+        return self.kinematics.chain
+
+    @cached_property
+    def inner_range(self) -> tuple[JointPositions, JointPositions]:
+        """Positions somewhat within the ranges, where motions are planned."""
+        margin = np.minimum(_INNER_MARGIN, 0.1 * (self.q_max - self.q_min))
+        return self.q_min + margin, self.q_max - margin
 
     @property
     def elbow_frame(self) -> str:

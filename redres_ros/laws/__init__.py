@@ -17,7 +17,7 @@ damping = 1/T, lambda = 0, the dynamically consistent law is Eq. (35).
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointVelocities, Seconds
+
+if TYPE_CHECKING:
+    from redres_ros.laws.look_ahead import MotionPlan
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,12 @@ class Law(ABC):
     def weight(self, state: RobotState) -> Weight:
         """W; None for the identity."""
         return None
+
+    def objective(
+        self, state: RobotState, T: Seconds
+    ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
+        """W and b, and what the next tick continues of a law that looks ahead."""
+        return self.weight(state), self.bias(state, T), None
 
     def forgetting_factor(self, T: Seconds) -> float:
         """lambda = 1 - k_d T, Eq. (23)."""
@@ -71,12 +80,40 @@ class MinimumVelocity(Law):
 
 @dataclass(frozen=True)
 class MinimumAcceleration(Law):
-    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
+    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23).
+
+    With a horizon, and a path to come, over all of the next seconds (look_ahead.py).
+    """
+
+    effort: ClassVar[bool] = False  # torques count, too
+    horizon: float = param(
+        0.0, 'for how long to look ahead along a path that is known; 0: not at all [s]', 0.0, 10.0
+    )
 
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
         b = np.empty(len(state.q))
         multiply(self.forgetting_factor(T), state.dq_prev, b)  # in half of numpy's time
         return b  # lambda dq_{k-1}, Eq. (23)
+
+    def objective(
+        self, state: RobotState, T: Seconds
+    ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
+        ahead = state.tick.ahead
+        if ahead is not None and self.horizon > 0.0:
+            from redres_ros.laws.look_ahead import look_ahead  # compiled: loaded only if in use
+
+            planned = look_ahead(state, ahead, T, self.horizon, self.damping, effort=self.effort)
+            if planned is not None:
+                return planned
+        return super().objective(state, T)
+
+
+@dataclass(frozen=True)
+class MinimumEffortAhead(MinimumAcceleration):
+    """Least torque beyond gravity, and acceleration, over the next seconds of a path."""
+
+    effort: ClassVar[bool] = True
+    horizon: float = param(1.0, 'for how long to look ahead along a path [s]', 0.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -134,6 +171,7 @@ LAWS: Table[Law] = Table(
     minimum_weighted_torque=MinimumWeightedTorque,
     dynamically_consistent=DynamicallyConsistent,
     minimum_torque=MinimumTorque,
+    minimum_effort_ahead=MinimumEffortAhead,
 )
 make_law = LAWS.make
 law_name = LAWS.name_of

@@ -115,7 +115,7 @@ def experiment(
         limits = replace(limits, acceleration=_NO_STOP * limits.acceleration)
     robot = _Arm(FakeRobot(FaultyPlant(plant, faults, seed or 0), limits), late, seed or 0)
     planner = Planner(task, client.model.tip(robot.q)[0])
-    recording = run(client, task, source=planner, plant=robot, ahead=ahead)
+    recording = run(client, task, source=planner, plant=robot, lead=ahead)
     for _ in range(round(AFTERMATH / client.T)):
         q_ref = robot.q
         if not robot.stop_reason:

@@ -17,6 +17,7 @@ from redres_ros.errors import DivergedError, UnknownNameError
 from redres_ros.laws import LAWS
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
+from redres_ros.preview import Preview
 from redres_ros.resolution import Solution, Weight
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.types import (
@@ -133,6 +134,8 @@ class SecondOrderController:
     integrated. Used like a Controller for a position task; before the first update all is at rest.
     """
 
+    horizon: Seconds = 0.0
+
     def __init__(self, model: RobotModel, scheme: Scheme, T: Seconds) -> None:
         self.model = model
         self.T = T
@@ -141,7 +144,9 @@ class SecondOrderController:
         self._last: Command | None = None
         self._dx_prev = np.zeros(3)
 
-    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
+    def update(
+        self, q: JointPositions, dx: TaskVelocity, *, ahead: Preview | None = None
+    ) -> Command:
         """The command at a tick. Raises DivergedError beyond SPEED_LIMIT."""
         last = self._last
         state = self.model.state(q, np.zeros(self.model.n) if last is None else last.dq)

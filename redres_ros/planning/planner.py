@@ -4,13 +4,15 @@ a target that changes while the tip moves. For the position alone or together wi
 
 import math
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.geometry import quintic, rotation_matrix
+from redres_ros.geometry import quintic, quintics, rotation_matrix
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.preview import Preview
 from redres_ros.types import (
     Meters,
     Position,
@@ -24,6 +26,7 @@ from redres_ros.types import (
 _LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
+PREVIEW_STEP = 0.05  # [s] between the poses of a preview
 
 # A target that changes
 _ACCELERATION = 1.0  # [m/s^2]
@@ -142,6 +145,26 @@ class Planner:
         w = turn * ds + self._feedback(turn_left)  # Eq. (36), (37)
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, start, self._finished, R_d, turn_left)
+
+    def preview(self, t: Seconds, seconds: Seconds, rate: float = 1.0) -> Preview:
+        """The path of the next seconds, for a clock that advances at a rate."""
+        times = np.arange(0.0, seconds + PREVIEW_STEP, PREVIEW_STEP)
+        starts = self._t_segment + np.cumsum([0.0, *self._times[self._segment : -1]])
+        at = t + rate * times
+        segments = np.maximum(np.searchsorted(starts, at, side='right') - 1, 0)
+        s = quintics((at - starts[segments]) / np.array(self._times[self._segment :])[segments])
+        segments += self._segment
+        if self._finished:
+            s[:] = 1.0
+        start = self._points[segments]
+        positions = start + s[:, None] * (self._points[segments + 1] - start)
+        if self._turns is None:
+            return Preview(times, positions)
+        turns = [rotation_error(A, B) for A, B in pairwise(self._turns)]
+        rotations = [
+            rotation_matrix(s[k] * turns[j]).dot(self._turns[j]) for k, j in enumerate(segments)
+        ]
+        return Preview(times, positions, np.array(rotations))
 
     def time_left(self, t: Seconds) -> Seconds:
         """Time left of the current segment; 0 once it is overdue."""

@@ -91,6 +91,24 @@ class Kinematics:
         return np.array([*to_the_next, self.tip[:3, 3]])
 
     @property
+    def chain(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """From the base to the tip, as kernels/look_ahead.py takes it."""
+        joints = [self.joints[index] for index in self.leading]
+        turns: list[np.ndarray] = []
+        offsets = []
+        from_z = np.eye(3)  # to the axis of the joint before
+        for before in (*(joint.before for joint in joints), self.tip):
+            offsets.append(from_z.T.dot(before[:3, 3]))
+            turn = from_z.T.dot(before[:3, :3])
+            if len(turns) < len(joints):
+                axis = joints[len(turns)].axis
+                from_z = pin.Quaternion.FromTwoVectors(np.eye(3)[2], axis).toRotationMatrix()
+                turn = turn.dot(from_z)
+            turns.append(turn)
+        slides = np.array([joint.is_prismatic for joint in joints])
+        return np.array(turns), np.array(offsets), np.array(self.leading, np.int64), slides
+
+    @property
     def max_point_jacobian(self) -> np.ndarray:
         """How far a radian, or a metre, of each joint moves any link's origin at most, (n,) [m]."""
         farthest = np.zeros(self.n)  # from the joint

@@ -13,10 +13,12 @@ from redres_ros.planning.planner import Planner
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
+from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import MotionRecorder, Recording
 from redres_ros.types import JointPositions, Seconds, TaskVelocity
 
+_PREVIEWED = 0.1  # [s] for which a preview is used, as that of the planner node
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
 
@@ -27,7 +29,13 @@ class Client(Protocol):
     T: Seconds
     m: int  # rows of dx, 3 or 6
 
-    def update(self, q: JointPositions, dx: TaskVelocity) -> Command:
+    @property
+    def horizon(self) -> Seconds:
+        """How long a path it wants to know ahead; 0 for none."""
+
+    def update(
+        self, q: JointPositions, dx: TaskVelocity, *, ahead: Preview | None = None
+    ) -> Command:
         """The command at a tick. Raises DivergedError for a joint speed above SPEED_LIMIT."""
 
 
@@ -50,7 +58,7 @@ def run(
     *,
     source: Planner | None = None,
     plant: IdealArm | None = None,
-    ahead: float = 0.0,
+    lead: Seconds = 0.0,
     greedy: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
@@ -66,7 +74,7 @@ def run(
         task: Start and points.
         source: Where the task velocity comes from; None: a planner of the task.
         plant: The arm; None: an ideal one.
-        ahead: By how much the task's time is ahead of the loop's at the start [s].
+        lead: By how much the task's time is ahead of the loop's at the start.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
             leave; False: brake the path as the planner node does (planning/task_clock.py).
         progress: Called with the fraction of the nominal duration that is over.
@@ -79,27 +87,35 @@ def run(
     speed = PathSpeed()
     unachieved: TaskVelocity | None = None  # of the last task velocity
     rest = np.zeros(len(task.start))
+    previewed = max(round(_PREVIEWED / T), 1)  # cycles
+    preview: Preview | None = None
     recorder = MotionRecorder(controller.model, T, is_pose)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
         state = RobotState(controller.model, plant.q, rest, rest)
         R = state.R if is_pose else None
         reference = source.reference(
-            state.x, t + ahead, R, unachieved=unachieved, rate=speed.fraction
+            state.x, t + lead, R, unachieved=unachieved, rate=speed.fraction
         )
         if plant.stop_reason:
             return recorder.recording(f'stopped after {t:.3f} s: {plant.stop_reason}')
         if reference.finished:
             return recorder.recording(f'reached the last point after {t:.3f} s', finished=True)
+        if controller.horizon:
+            if k % previewed == 0:
+                reach = controller.horizon + _PREVIEWED
+                preview = source.preview(t + lead, reach, speed.fraction)
+            elif preview is not None:
+                preview = preview.after(T)
         try:
-            command = controller.update(plant.q, reference.dx)
+            command = controller.update(plant.q, reference.dx, ahead=preview)
         except DivergedError:
             return recorder.recording(
                 f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
             )
         executed = speed.fraction * command.s  # of the nominal speed
         recorder.add(t, command, reference, executed)
-        ahead -= (1.0 - executed) * T
+        lead -= (1.0 - executed) * T
         if not greedy:
             speed.advance(command.s, T)
         unachieved = command.unachieved

@@ -1,0 +1,572 @@
+"""The motion that is best along a path to come: one linearisation and one recursion of dynamic
+programming a tick.
+
+Over K + 1 steps, the first of T and the others of h, from q_{i+1} = q_i + h_i u_i,
+
+    minimise  sum_i 1/2 (u_i - u_{i-1})' R_i (u_i - u_{i-1}) / t_i + r_i' (u_i - u_{i-1})
+              + 1/2 k u_K' u_K + sum_j 1/2 rho |f(q_j) - x_j|^2 + 1/2 w |range excess of q_j|^2
+
+with t_0 = T, t_i the mean of two neighbouring steps, and the nodes q_j = q_{i+1} of all steps but
+the first, whose end J u_0 = dx decides. f is linearised at the nodes of the last plan, from which
+a trust mu keeps the new ones. The cost to go is quadratic in (q, v), with P and p,
+
+    V = 1/2 [q; v]' P [q; v] - p' [q; v].
+
+A step back with E = [h I; I] completes the square in u:
+
+    Q = R/t + E'PE = L L',   Y = L^-1 [E'P [I; 0], -R/t],   y = L^-1 (E'p - r),
+    P <- diag(P_qq, R/t) - Y'Y,   p <- [p_q; -r] - Y'y,     u = L'^-1 (y - Y [q; v])
+
+so that for the first step 1/2 |u - v|^2_R / T + r'(u - v) + V(q + T u, u) is a law's W and b.
+
+A chain of k joints is `turns` (k + 1, 3, 3) and `offsets` (k + 1, 3), from each joint's frame to
+the next, the last to the tip, then `joints` (k,), their indices, and `slides` (k,): each turns
+about, or slides along, the z axis of its frame.
+"""
+
+import numpy as np
+from numba import boolean, float64, int64, void
+
+from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
+
+_RHO = 1e6  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
+_STIFFNESS = 1e4  # of the excess of ranges
+_LONGEST = 0.1  # [m] error that counts at once: a linearisation holds no farther
+_LEVER = 0.3  # [m] on which an angle counts by its arc
+_LEAST_TRUST = 3.0
+_MOST_TRUST = 1e5
+_FASTER = 1.5  # by which the trust falls with each plan that is accepted
+_SLOWER = 4.0  # by which it rises with one that is not
+_ROUNDING = 1e-6  # of a merit
+_GUESSES = 2  # iterations of the first guess at each node
+_SINGULAR = 1e-4  # [m^2] its damping near singularities
+_WARM = 5  # iterations from it, before the first plan is used
+
+# The best motion along a whole path
+_ON_PATH = 1e-6  # [m^2] damping of steps towards the path
+_MOST_ITERATIONS = 80
+_STALLED = 1e-5  # relative improvement that counts as none
+_NEAR_HALF_A_TURN = 3.13  # [rad]; no axis is known beyond it, and the turn counts as none
+
+_VECTOR = float64[::1]
+_MATRIX = float64[:, ::1]
+_ARRAY = float64[:, :, ::1]
+
+
+@part
+def _place(
+    q: np.ndarray, chain: tuple[np.ndarray, ...], J: np.ndarray, x: np.ndarray, R: np.ndarray
+) -> None:
+    """Write the tip's Jacobian (6, n), position (3,) and orientation (3, 3)."""
+    turns, offsets, joints, slides = chain
+    origins = np.empty((len(joints), 3))
+    R[:] = turns[0]
+    x[:] = offsets[0]
+    for j in range(len(joints)):
+        value = q[joints[j]]
+        origins[j] = x
+        for i in range(3):
+            J[i, joints[j]] = R[i, 2]  # the axis, until the tip is known
+        if slides[j]:
+            for i in range(3):
+                x[i] += value * R[i, 2]
+        else:
+            sine = np.sin(value)
+            cosine = np.cos(value)
+            for i in range(3):
+                first = R[i, 0]
+                R[i, 0] = cosine * first + sine * R[i, 1]
+                R[i, 1] = cosine * R[i, 1] - sine * first
+        for i in range(3):
+            a, b, c = R[i, 0], R[i, 1], R[i, 2]
+            x[i] += a * offsets[j + 1, 0] + b * offsets[j + 1, 1] + c * offsets[j + 1, 2]
+            for k in range(3):
+                R[i, k] = a * turns[j + 1, 0, k] + b * turns[j + 1, 1, k] + c * turns[j + 1, 2, k]
+    for j in range(len(joints)):
+        if slides[j]:
+            continue
+        column = joints[j]
+        a, b, c = J[0, column], J[1, column], J[2, column]
+        d, e, f = x[0] - origins[j, 0], x[1] - origins[j, 1], x[2] - origins[j, 2]
+        J[0, column] = b * f - c * e
+        J[1, column] = c * d - a * f
+        J[2, column] = a * e - b * d
+        J[3, column] = a
+        J[4, column] = b
+        J[5, column] = c
+
+
+@inlined
+def _turn(R: np.ndarray, R_d: np.ndarray, w: np.ndarray) -> None:
+    """Write the rotation vector from R to R_d into w[3:]."""
+    w[3:] = 0.0
+    trace = 0.0
+    for j in range(3):
+        w[3] += (R[1, j] * R_d[2, j] - R[2, j] * R_d[1, j]) / 2.0
+        w[4] += (R[2, j] * R_d[0, j] - R[0, j] * R_d[2, j]) / 2.0
+        w[5] += (R[0, j] * R_d[1, j] - R[1, j] * R_d[0, j]) / 2.0
+        trace += R[0, j] * R_d[0, j] + R[1, j] * R_d[1, j] + R[2, j] * R_d[2, j]
+    sine = np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
+    angle = np.arctan2(sine, (trace - 1.0) / 2.0)
+    if angle > _NEAR_HALF_A_TURN:
+        w[3:] = 0.0
+    elif sine > 0.0:
+        w[3:] *= angle / sine
+
+
+@part
+def _linearise(
+    nodes: np.ndarray,
+    X: np.ndarray,
+    turned: np.ndarray,
+    chain: tuple[np.ndarray, ...],
+    A: np.ndarray,
+    e: np.ndarray,
+) -> None:
+    """Write the Jacobian A (K, m, n) and the error e (K, m), x_d - x, at each node; an angle counts
+    by its arc, and an error at most by _LONGEST.
+    """
+    m = e.shape[1]
+    J = np.zeros((6, nodes.shape[1]))
+    x = np.empty(3)
+    R = np.empty((3, 3))
+    error = np.zeros(6)
+    for j in range(len(nodes)):
+        _place(nodes[j], chain, J, x, R)
+        error[:3] = X[j] - x
+        if m > 3:
+            _turn(R, turned[j], error)
+            error[3:] *= _LEVER
+        A[j, :3] = J[:3]
+        for i in range(3, m):
+            A[j, i] = _LEVER * J[i]
+        for half in range(0, m, 3):
+            square = 0.0
+            for i in range(half, half + 3):
+                square += error[i] * error[i]
+            shorter = min(_LONGEST / max(np.sqrt(square), 1e-300), 1.0)
+            for i in range(half, half + 3):
+                e[j, i] = shorter * error[i]
+
+
+@part
+def _merit(
+    q: np.ndarray,
+    v: np.ndarray,
+    nodes: np.ndarray,
+    e: np.ndarray,
+    T: float,
+    h: float,
+    damping: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> float:
+    """The cost of nodes after a first step at the velocity v."""
+    n = len(q)
+    K = len(nodes)
+    total = 0.0
+    u_prev = v.copy()
+    last = q + T * v
+    for j in range(K):
+        t = (h + T) / 2.0 if j == 0 else h
+        for i in range(n):
+            u = (nodes[j, i] - last[i]) / h
+            total += (u - u_prev[i]) ** 2 / t
+            excess = max(nodes[j, i] - upper[i], lower[i] - nodes[j, i], 0.0)
+            total += _STIFFNESS * excess * excess
+            last[i] = nodes[j, i]
+            u_prev[i] = u
+        for i in range(e.shape[1]):
+            total += _RHO * e[j, i] * e[j, i]
+    for i in range(n):
+        total += damping * u_prev[i] * u_prev[i]
+    return total / 2.0
+
+
+@compiled(
+    void(
+        *(vector(), vector(), _MATRIX, _ARRAY, _MATRIX, float64, float64, float64, float64),
+        *(vector(), vector(), _ARRAY, _MATRIX, _ARRAY, _MATRIX, _VECTOR),
+    )
+)
+def _recurse(
+    q: np.ndarray,
+    v: np.ndarray,
+    nodes: np.ndarray,
+    A: np.ndarray,
+    e: np.ndarray,
+    T: float,
+    h: float,
+    damping: float,
+    trust: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    R: np.ndarray,
+    r: np.ndarray,
+    gains: np.ndarray,
+    W: np.ndarray,
+    b: np.ndarray,
+) -> None:
+    """Write the gains [L, Y, y] of the steps but the first, (K, n, 3 n + 1), and W and b of the
+    first one, (n, n), (n,). R (K + 1, n, n) and r (K + 1, n) may be empty, for I and 0.
+    """
+    K, n = nodes.shape
+    m = e.shape[1]
+    weighted = len(R) > 0
+    P = np.zeros((2 * n, 2 * n))
+    p = np.zeros(2 * n)
+    for i in range(n):
+        P[n + i, n + i] = damping
+    Q = np.empty((n, n))
+    for j in range(K - 1, -1, -1):
+        node = nodes[j]
+        for i in range(m):
+            row = A[j, i]
+            c = e[j, i]
+            for k in range(n):
+                c += row[k] * node[k]
+            c *= _RHO
+            for k in range(n):
+                p[k] += c * row[k]
+                f = _RHO * row[k]
+                for d in range(n):
+                    P[k, d] += f * row[d]
+        for k in range(n):
+            P[k, k] += trust
+            p[k] += trust * node[k]
+            if node[k] > upper[k]:
+                P[k, k] += _STIFFNESS
+                p[k] += _STIFFNESS * upper[k]
+            if node[k] < lower[k]:
+                P[k, k] += _STIFFNESS
+                p[k] += _STIFFNESS * lower[k]
+        t = (h + T) / 2.0 if j == 0 else h
+        G = gains[j]
+        for k in range(n):
+            for d in range(n):
+                c = h * P[k, d] + P[n + k, d]
+                G[k, n + d] = c
+                G[k, 2 * n + d] = -R[j + 1, k, d] / t if weighted else 0.0
+                Q[k, d] = h * c + h * P[k, n + d] + P[n + k, n + d] - G[k, 2 * n + d]
+            if not weighted:
+                G[k, 2 * n + k] = -1.0 / t
+                Q[k, k] += 1.0 / t
+            G[k, 3 * n] = h * p[k] + p[n + k] - (r[j + 1, k] if weighted else 0.0)
+        for k in range(n):  # Q = L L', and L^-1 of the other columns
+            for d in range(k):
+                c = Q[k, d]
+                for i in range(d):
+                    c -= G[k, i] * G[d, i]
+                c /= G[d, d]
+                G[k, d] = c
+                for i in range(n, 3 * n + 1):
+                    G[k, i] -= c * G[d, i]
+            c = Q[k, k]
+            for i in range(k):
+                c -= G[k, i] * G[k, i]
+            G[k, k] = np.sqrt(c)
+            c = 1.0 / G[k, k]
+            for i in range(n, 3 * n + 1):
+                G[k, i] *= c
+        for k in range(n):
+            for d in range(n):
+                P[k, n + d] = 0.0
+                P[n + k, d] = 0.0
+                P[n + k, n + d] = R[j + 1, k, d] / t if weighted else 0.0
+            if not weighted:
+                P[n + k, n + k] = 1.0 / t
+            p[n + k] = -r[j + 1, k] if weighted else 0.0
+        for i in range(n):
+            row = G[i, n:]
+            y = row[2 * n]
+            for k in range(2 * n):
+                c = row[k]
+                p[k] -= c * y
+                for d in range(2 * n):
+                    P[k, d] -= c * row[d]
+    for k in range(n):
+        b[k] = T * (T * p[k] + p[n + k])
+        for d in range(n):
+            c = T * P[k, d] + P[n + k, d]
+            b[k] -= T * c * q[d]
+            W[k, d] = T * (T * c + T * P[k, n + d] + P[n + k, n + d])
+        if not weighted:
+            W[k, k] += 1.0
+            b[k] += v[k]
+    if weighted:
+        for k in range(n):
+            b[k] -= T * r[0, k]
+            for d in range(n):
+                W[k, d] += R[0, k, d]
+                b[k] += R[0, k, d] * v[d]
+    for k in range(n):  # W = L L' in Q, and W^-1
+        for d in range(k + 1):
+            c = W[k, d]
+            for i in range(d):
+                c -= Q[k, i] * Q[d, i]
+            Q[k, d] = np.sqrt(c) if k == d else c / Q[d, d]
+        for i in range(k):
+            b[k] -= Q[k, i] * b[i]
+        b[k] /= Q[k, k]
+    for k in range(n - 1, -1, -1):
+        for i in range(k + 1, n):
+            b[k] -= Q[i, k] * b[i]
+        b[k] /= Q[k, k]
+
+
+recurse = direct(_recurse)
+
+
+@part
+def _roll_out(
+    q: np.ndarray, v: np.ndarray, h: float, elapsed: float, gains: np.ndarray, nodes: np.ndarray
+) -> None:
+    """Write the nodes to which gains lead from (q, v), as they are after some time."""
+    K, n = nodes.shape
+    at = q.copy()
+    u = v.copy()
+    w = np.empty(n)
+    for j in range(K):
+        G = gains[j]
+        for k in range(n):
+            c = G[k, 3 * n]
+            for d in range(n):
+                c -= G[k, n + d] * at[d] + G[k, 2 * n + d] * u[d]
+            w[k] = c
+        for k in range(n - 1, -1, -1):
+            for i in range(k + 1, n):
+                w[k] -= G[i, k] * w[i]
+            w[k] /= G[k, k]
+        for k in range(n):
+            u[k] = w[k]
+            at[k] += h * w[k]
+            nodes[j, k] = at[k]
+    _shift(nodes, elapsed / h, h * u)
+
+
+@inlined
+def _shift(nodes: np.ndarray, steps: float, last: np.ndarray) -> None:
+    """Move each node towards the next one by a fraction of a step, the last one by `last`."""
+    K, n = nodes.shape
+    for j in range(K):
+        for k in range(n):
+            beyond = last[k] if j == K - 1 else nodes[j + 1, k] - nodes[j, k]
+            nodes[j, k] += steps * beyond
+
+
+@part
+def _approach(A: np.ndarray, e: np.ndarray, damping: float, node: np.ndarray) -> None:
+    """Add the least step that corrects the error e (m,), A' (A A' + damping I)^-1 e, to a node."""
+    m, n = A.shape
+    L = np.empty((m, m))
+    y = np.empty(m)
+    for i in range(m):
+        for k in range(i + 1):
+            c = damping if k == i else 0.0
+            for d in range(n):
+                c += A[i, d] * A[k, d]
+            for d in range(k):
+                c -= L[i, d] * L[k, d]
+            L[i, k] = np.sqrt(c) if k == i else c / L[k, k]
+        y[i] = e[i]
+        for k in range(i):
+            y[i] -= L[i, k] * y[k]
+        y[i] /= L[i, i]
+    for i in range(m - 1, -1, -1):
+        for k in range(i + 1, m):
+            y[i] -= L[k, i] * y[k]
+        y[i] /= L[i, i]
+        for d in range(n):
+            node[d] += A[i, d] * y[i]
+
+
+@part
+def _approach_path(
+    nodes: np.ndarray,
+    X: np.ndarray,
+    turned: np.ndarray,
+    iterations: int,
+    damping: float,
+    chain: tuple[np.ndarray, ...],
+    A: np.ndarray,
+    e: np.ndarray,
+) -> None:
+    """Move nodes towards the path by least steps, and linearise there."""
+    for _ in range(iterations):
+        _linearise(nodes, X, turned, chain, A, e)
+        for j in range(len(nodes)):
+            _approach(A[j], e[j], damping, nodes[j])
+    _linearise(nodes, X, turned, chain, A, e)
+
+
+@part
+def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) -> None:
+    """Write the values at a time, linear between those at `times`, constant beyond."""
+    i = np.searchsorted(times, t)
+    if i == 0:
+        out[:] = values[0]
+    elif i == len(times):
+        out[:] = values[i - 1]
+    else:
+        c = (t - times[i - 1]) / (times[i] - times[i - 1])
+        for k in range(len(out)):
+            out[k] = values[i - 1, k] + c * (values[i, k] - values[i - 1, k])
+
+
+@direct
+@compiled(
+    float64(
+        *(vector(), vector(), float64, float64, float64, vector(), vector()),
+        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _VECTOR, _MATRIX, _MATRIX),
+        *(float64, _MATRIX, _ARRAY, float64, _MATRIX, _ARRAY, _MATRIX),
+    )
+)
+def next_nodes(
+    q: np.ndarray,
+    v: np.ndarray,
+    T: float,
+    h: float,
+    damping: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    turns: np.ndarray,
+    offsets: np.ndarray,
+    joints: np.ndarray,
+    slides: np.ndarray,
+    times: np.ndarray,
+    positions: np.ndarray,
+    rotations: np.ndarray,
+    elapsed: float,
+    old_nodes: np.ndarray,
+    old_gains: np.ndarray,
+    trust: float,
+    nodes: np.ndarray,
+    A: np.ndarray,
+    e: np.ndarray,
+) -> float:
+    """Write the nodes (K, n) of a plan from (q, v), and their linearisation A (K, m, n), e (K, m);
+    the trust to put in it; -1 for a path that begins farther than _LONGEST from the tip.
+
+    They are those to which the old gains lead, unless the old nodes, empty for none, have a lower
+    merit. The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) for m = 6.
+    """
+    K, n = nodes.shape
+    m = e.shape[1]
+    chain = turns, offsets, joints, slides
+    x = np.empty(3)
+    _place(q, chain, np.empty((6, n)), x, np.empty((3, 3)))
+    first = np.empty(3)
+    _sample(times, positions, 0.0, first)
+    square = 0.0
+    for i in range(3):
+        square += (first[i] - x[i]) ** 2
+    if not square <= _LONGEST * _LONGEST:
+        return -1.0
+    X = np.empty((K, 3))
+    turned = np.empty((K, 3, 3))
+    for j in range(K):
+        t = T + h * (j + 1)
+        _sample(times, positions, t, X[j])
+        if m > 3:
+            _sample(times, rotations, t, turned[j].reshape(9))
+    gains = np.empty((K, n, 3 * n + 1))
+    W = np.empty((n, n))
+    b = np.empty(n)
+    no_R = np.empty((0, n, n))
+    no_r = np.empty((0, n))
+    if len(old_nodes):
+        nodes[:] = old_nodes
+        _shift(nodes, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
+    else:
+        for j in range(K):
+            nodes[j] = q if j == 0 else nodes[j - 1]
+            _approach_path(
+                nodes[j : j + 1],
+                X[j : j + 1],
+                turned[j : j + 1],
+                _GUESSES,
+                _SINGULAR,
+                chain,
+                A[j : j + 1],
+                e[j : j + 1],
+            )
+    _linearise(nodes, X, turned, chain, A, e)
+    other = np.empty((K, n))
+    other_A = np.empty((K, m, n))
+    other_e = np.empty((K, m))
+    for _ in range(1 if len(old_nodes) else _WARM):
+        if len(old_nodes):
+            _roll_out(q, v, h, elapsed, old_gains, other)
+        else:
+            _recurse(q, v, nodes, A, e, T, h, damping, trust, lower, upper, no_R, no_r, gains, W, b)
+            _roll_out(q + T * v, v, h, 0.0, gains, other)
+        _linearise(other, X, turned, chain, other_A, other_e)
+        before = _merit(q, v, nodes, e, T, h, damping, lower, upper)
+        after = _merit(q, v, other, other_e, T, h, damping, lower, upper)
+        if after <= before * (1.0 + _ROUNDING):
+            nodes[:] = other
+            A[:] = other_A
+            e[:] = other_e
+            trust = max(trust / _FASTER, _LEAST_TRUST)
+        else:
+            trust = min(trust * _SLOWER, _MOST_TRUST)
+    return trust
+
+
+@direct
+@compiled(
+    float64(
+        *(vector(), _MATRIX, _ARRAY, float64, vector(), vector()),
+        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _MATRIX),
+    )
+)
+def improve_motion(
+    q: np.ndarray,
+    X: np.ndarray,
+    turned: np.ndarray,
+    T: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    turns: np.ndarray,
+    offsets: np.ndarray,
+    joints: np.ndarray,
+    slides: np.ndarray,
+    nodes: np.ndarray,
+) -> float:
+    """Improve nodes (K, n), one for every T, from rest at q, until they are an optimum of the whole
+    path X (K, 3), turned (K, 3, 3), or empty; its cost.
+
+    Each iterate is moved onto the path, so that merits compare motions along it.
+    """
+    K, n = nodes.shape
+    m = 6 if len(turned) else 3
+    chain = turns, offsets, joints, slides
+    v = np.zeros(n)
+    A = np.empty((K, m, n))
+    e = np.empty((K, m))
+    gains = np.empty((K, n, 3 * n + 1))
+    W = np.empty((n, n))
+    b = np.empty(n)
+    no_R = np.empty((0, n, n))
+    no_r = np.empty((0, n))
+    other = np.empty((K, n))
+    trust = 1.0
+    _approach_path(nodes, X, turned, 5, _ON_PATH, chain, A, e)
+    merit = _merit(q, v, nodes, e, T, T, 0.0, lower, upper)
+    stalled = 0
+    for _ in range(_MOST_ITERATIONS):
+        _recurse(q, v, nodes, A, e, T, T, 0.0, trust, lower, upper, no_R, no_r, gains, W, b)
+        _roll_out(q, v, T, 0.0, gains, other)
+        _approach_path(other, X, turned, 2, _ON_PATH, chain, A, e)
+        after = _merit(q, v, other, e, T, T, 0.0, lower, upper)
+        if after < merit:
+            stalled = stalled + 1 if after > (1.0 - _STALLED) * merit else 0
+            nodes[:] = other
+            merit = after
+            trust = max(trust / 5.0, 1e-8)
+        else:
+            _linearise(nodes, X, turned, chain, A, e)
+            trust *= 10.0
+        if stalled > 2 or trust > 1e9:
+            break
+    return merit

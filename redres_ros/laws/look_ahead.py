@@ -1,0 +1,93 @@
+"""W and b of the motion that is best along the path to come.
+
+Not of the paper. The law of a tick is the first step of an optimal motion over a horizon: its cost
+to go is quadratic in (q, v), so that it is one more weight and one more bias. Each tick linearises
+the path once, at the nodes to which the last plan leads from the present state, and solves the rest
+by one recursion (kernels/look_ahead.py). Relatives: Faroni, Beschi, Tosatti, Visioli, predictive
+inverse kinematics (T-RO 2019); Al Khudir, Halvorsen, Lanari, De Luca, stable torque optimisation
+with a short preview (RA-L 2019).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.kernels.look_ahead import next_nodes, recurse
+from redres_ros.preview import Preview
+from redres_ros.resolution import Weight
+from redres_ros.robot_model import RobotState
+from redres_ros.types import JointVelocities, Seconds
+
+_NODES = 9  # of the plan, after the end of the first step
+
+
+class MotionPlan(NamedTuple):
+    """The motion that the last tick planned; the next one continues it."""
+
+    nodes: np.ndarray  # (K, n) [rad]
+    gains: np.ndarray  # (K, n, 3 n + 1)
+    trust: float
+    horizon: Seconds
+
+
+_NO_PLAN = MotionPlan(np.empty((0, 0)), np.empty((0, 0, 0)), 3.0, 0.0)
+_NO_EFFORT = np.empty((0, 0, 0)), np.empty((0, 0))  # R = I, r = 0
+
+
+def look_ahead(
+    state: RobotState, ahead: Preview, T: Seconds, horizon: Seconds, damping: float, *, effort: bool
+) -> tuple[Weight, JointVelocities, MotionPlan] | None:
+    """W, b and the plan behind them; None for a path that begins elsewhere than at the tip.
+
+    Args:
+        damping: k_d, with which the motion comes to rest beyond the horizon [1/s].
+        effort: The torques beyond gravity count as much as the accelerations.
+    """
+    model = state.model
+    n = model.n
+    m = 6 if len(ahead.rotations) else 3
+    h = horizon / _NODES
+    plan = state.plan or _NO_PLAN
+    if plan.horizon != horizon:  # another law's
+        plan = _NO_PLAN
+    nodes = np.empty((_NODES, n))
+    A = np.empty((_NODES, m, n))
+    e = np.empty((_NODES, m))
+    # as much as one more step, that is free, would still cost
+    settings = T, h, damping / (1.0 + damping * h)
+    inside = model.inner_range
+    path = ahead.times, ahead.positions, ahead.rotations
+    trust = next_nodes(
+        *(state.q, state.dq_prev, *settings, *inside, *model.chain, *path),
+        *(state.tick.elapsed, *plan[:3], nodes, A, e),
+    )
+    if not trust > 0.0:
+        return None
+    R, r = _effort(state, nodes, T, h) if effort else _NO_EFFORT
+    gains = np.empty((_NODES, n, 3 * n + 1))
+    W = np.empty((n, n))
+    b = np.empty(n)
+    recurse(*(state.q, state.dq_prev, nodes, A, e, *settings, trust, *inside, R, r, gains, W, b))
+    return W, b, MotionPlan(nodes, gains, trust, horizon)
+
+
+def _effort(
+    state: RobotState, nodes: np.ndarray, T: Seconds, h: Seconds
+) -> tuple[np.ndarray, np.ndarray]:
+    """R = I + M M, (K + 1, n, n), and r = M (n - g), (K + 1, n), of each step where it begins: of
+    |tau - g|^2 + |ddq|^2 with tau = M ddq + n.
+    """
+    model = state.model
+    n = model.n
+    q = np.vstack((state.q, state.q + T * state.dq_prev, nodes[:-1]))
+    dq = np.vstack(
+        (state.dq_prev, np.diff(q, axis=0) / np.array([T, *[h] * (len(q) - 2)])[:, None])
+    )
+    R = np.empty((len(q), n, n))
+    r = np.empty((len(q), n))
+    for k in range(len(q)):
+        each = RobotState(model, q[k], dq[k])
+        M = each.M
+        R[k] = np.eye(n) + M.dot(M)
+        r[k] = M.dot(each.n - each.gravity)
+    return R, r
