@@ -29,10 +29,10 @@ from numba import boolean, float64, int64, void
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
 
-_RHO = 1e6  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
+_RHO = 3.5e5  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
 _STIFFNESS = 1e4  # of the excess of ranges
 _LONGEST = 0.1  # [m] error that counts at once: a linearisation holds no farther
-_LEVER = 0.3  # [m] on which an angle counts by its arc
+_LEVER = 1.0  # [m] on which an angle counts by its arc
 _LEAST_TRUST = 3.0
 _MOST_TRUST = 1e5
 _FASTER = 1.5  # by which the trust falls with each plan that is accepted
