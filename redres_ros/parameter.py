@@ -18,7 +18,7 @@ T = TypeVar('T')
 _KEY = 'parameter'
 # Gains that all building blocks of a kind have in common, and what they are called.
 _COMMON = {
-    'law': {'damping': 'damping', 'gravity': 'gravity'},
+    'law': {'damping': 'damping', 'gravity': 'gravity', 'horizon': 'horizon'},
     'task': {'gain': 'task_gain'},
     'limit': {name: f'scene.{name}' for name in ('clearance', 'obstacles', 'walls', 'points')},
 }

@@ -16,7 +16,7 @@ LAYERS = (
     {'files'},
     {'kernels'},
     {'geometry'},
-    {'parameter', 'robots'},
+    {'parameter', 'robots', 'preview'},
     {'resolution', 'robot_model'},
     {'solver'},
     {'laws', 'tasks', 'preferences'},

@@ -15,7 +15,7 @@ a trust mu keeps the new ones. The cost to go is quadratic in (q, v), with P and
 A step back with E = [h I; I] completes the square in u:
 
     Q = R/t + E'PE = L L',   Y = L^-1 [E'P [I; 0], -R/t],   y = L^-1 (E'p - r),
-    P <- diag(P_qq, R/t) - Y'Y,   p <- [p_q; -r] - Y'y,     u = L'^-1 (y - Y [q; v])
+    P <- diag(P_qq, R/t) - Y'Y,   p <- [p_q; r] - Y'y,     u = L'^-1 (y - Y [q; v])
 
 so that for the first step 1/2 |u - v|^2_R / T + r'(u - v) + V(q + T u, u) is a law's W and b.
 
@@ -60,40 +60,40 @@ def _place(
     """Write the tip's Jacobian (6, n), position (3,) and orientation (3, 3)."""
     turns, offsets, joints, slides = chain
     origins = np.empty((len(joints), 3))
+    axes = np.empty((len(joints), 3))
+    row = np.empty(3)
     R[:] = turns[0]
     x[:] = offsets[0]
     for j in range(len(joints)):
         value = q[joints[j]]
-        origins[j] = x
+        sine = np.sin(value)
+        cosine = np.cos(value)
         for i in range(3):
-            J[i, joints[j]] = R[i, 2]  # the axis, until the tip is known
-        if slides[j]:
-            for i in range(3):
-                x[i] += value * R[i, 2]
-        else:
-            sine = np.sin(value)
-            cosine = np.cos(value)
-            for i in range(3):
-                first = R[i, 0]
-                R[i, 0] = cosine * first + sine * R[i, 1]
-                R[i, 1] = cosine * R[i, 1] - sine * first
-        for i in range(3):
-            a, b, c = R[i, 0], R[i, 1], R[i, 2]
-            x[i] += a * offsets[j + 1, 0] + b * offsets[j + 1, 1] + c * offsets[j + 1, 2]
+            origins[j, i] = x[i]
+            axes[j, i] = R[i, 2]
+            row[:] = R[i]
+            if slides[j]:
+                x[i] += value * row[2]
+            else:
+                row[0] = cosine * R[i, 0] + sine * R[i, 1]
+                row[1] = cosine * R[i, 1] - sine * R[i, 0]
             for k in range(3):
-                R[i, k] = a * turns[j + 1, 0, k] + b * turns[j + 1, 1, k] + c * turns[j + 1, 2, k]
+                R[i, k] = 0.0
+            for c in range(3):
+                x[i] += row[c] * offsets[j + 1, c]
+                for k in range(3):
+                    R[i, k] += row[c] * turns[j + 1, c, k]
     for j in range(len(joints)):
-        if slides[j]:
-            continue
         column = joints[j]
-        a, b, c = J[0, column], J[1, column], J[2, column]
-        d, e, f = x[0] - origins[j, 0], x[1] - origins[j, 1], x[2] - origins[j, 2]
-        J[0, column] = b * f - c * e
-        J[1, column] = c * d - a * f
-        J[2, column] = a * e - b * d
-        J[3, column] = a
-        J[4, column] = b
-        J[5, column] = c
+        for i in range(3):
+            following = (i + 1) % 3
+            last = (i + 2) % 3
+            J[i, column] = axes[j, i]
+            J[3 + i, column] = 0.0
+            if not slides[j]:
+                J[3 + i, column] = axes[j, i]
+                J[i, column] = axes[j, following] * (x[last] - origins[j, last])
+                J[i, column] -= axes[j, last] * (x[following] - origins[j, following])
 
 
 @inlined
@@ -275,7 +275,7 @@ def _recurse(
                 P[n + k, n + d] = R[j + 1, k, d] / t if weighted else 0.0
             if not weighted:
                 P[n + k, n + k] = 1.0 / t
-            p[n + k] = -r[j + 1, k] if weighted else 0.0
+            p[n + k] = r[j + 1, k] if weighted else 0.0
         for i in range(n):
             row = G[i, n:]
             y = row[2 * n]

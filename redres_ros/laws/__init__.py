@@ -110,7 +110,7 @@ class MinimumAcceleration(Law):
 
 @dataclass(frozen=True)
 class MinimumEffortAhead(MinimumAcceleration):
-    """Least torque beyond gravity, and acceleration, over the next seconds of a path."""
+    """Least torque beyond gravity, Eq. (6), and acceleration, over the next seconds of a path."""
 
     effort: ClassVar[bool] = True
     horizon: float = param(1.0, 'for how long to look ahead along a path [s]', 0.0, 10.0)

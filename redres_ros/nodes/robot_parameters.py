@@ -47,7 +47,7 @@ _TIP_FRAME = Parameter(
 )
 _ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
-_NODES_OWN = {'acceleration.reach': END_OF_REACH}
+_NODES_OWN = {'acceleration.reach': END_OF_REACH, 'horizon': 2.0}
 _NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 _SEVERAL = ('limits', 'preferences', 'secondary_tasks')  # parameters that are lists of names
 

@@ -1,0 +1,221 @@
+"""The law that looks ahead: an optimum of the whole horizon, and never off its task."""
+
+import numpy as np
+import pytest
+
+from redres_ros import LAWS, Controller, Preview, RobotModel, load_task, make_law, resolve, run
+from redres_ros.errors import ArrayError
+from redres_ros.kernels.look_ahead import _RHO, next_nodes, recurse
+from redres_ros.laws.look_ahead import _NO_PLAN, _NODES, look_ahead
+from redres_ros.robot_model import RobotState, TickContext
+
+T = 0.002  # [s]
+HORIZON = 2.0  # [s]
+H = HORIZON / _NODES
+DAMPING = 10.0 / (1.0 + 10.0 * H)
+AHEAD = make_law('minimum_acceleration', horizon=HORIZON)
+GREEDY = make_law('minimum_acceleration')
+FR3 = RobotModel.named('fr3')
+
+
+def path_from(model: RobotModel, q: np.ndarray, *, pose: bool = False) -> Preview:
+    """The tip moves by 0.2 m in a second, and rests."""
+    x, R = model.tip(q)
+    times = np.linspace(0.0, 1.0, 21)
+    positions = x + np.outer(times, (-0.1, 0.1, -0.14))
+    return Preview(times, positions, np.tile(R, (21, 1, 1)) if pose else None)
+
+
+def moving_state(model: RobotModel, ahead: Preview | None, seed: int = 1) -> RobotState:
+    random = np.random.default_rng(seed)
+    q = np.array(model.arm.start)
+    tick = TickContext(ahead=ahead, elapsed=T)
+    return RobotState(model, q, random.normal(0.0, 0.3, model.n), None, tick)
+
+
+def rows_of(R: np.ndarray, r: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+    """A, b of 1/2 |A d - b|^2 = 1/2 d'R d / t + r'd and a constant."""
+    L = np.linalg.cholesky(R / t)
+    return L.T, -np.linalg.solve(L, r)
+
+
+def dense_optimum(state, dx, nodes, A, e, trust, R, r):
+    """The first velocity of the problem as it is written, as least squares in all velocities."""
+    K, n = nodes.shape
+    steps = np.array([T] + [H] * K)
+    times = np.array([T, *((steps[1:] + steps[:-1]) / 2.0)])
+    rows = []
+    ends = []
+
+    def add(matrix, u_columns, end):
+        row = np.zeros((len(end), (K + 1) * n))
+        for column, factor in u_columns:
+            row[:, column * n : column * n + n] += factor * matrix
+        rows.append(row)
+        ends.append(end)
+
+    for i in range(K + 1):
+        L, end = rows_of(R[i], r[i], times[i])
+        if i == 0:
+            add(L, [(0, 1.0)], end + L @ state.dq_prev)
+        else:
+            add(L, [(i, 1.0), (i - 1, -1.0)], end)
+    add(np.sqrt(DAMPING) * np.eye(n), [(K, 1.0)], np.zeros(n))
+    for j in range(K):
+        reached = [(i, steps[i]) for i in range(j + 2)]
+        left = np.sqrt(_RHO) * (e[j] + A[j] @ (nodes[j] - state.q))
+        add(np.sqrt(_RHO) * A[j], reached, left)
+        add(np.sqrt(trust) * np.eye(n), reached, np.sqrt(trust) * (nodes[j] - state.q))
+    M = np.concatenate(rows)
+    end = np.concatenate(ends)
+    J = state.J[: len(dx)]
+    particular = np.zeros((K + 1) * n)
+    particular[:n] = np.linalg.pinv(J) @ dx
+    Z = np.zeros(((K + 1) * n, (K + 1) * n - len(dx)))
+    Z[:n, : n - len(dx)] = np.linalg.svd(J)[2][len(dx) :].T
+    Z[n:, n - len(dx) :] = np.eye(K * n)
+    z = np.linalg.lstsq(M @ Z, end - M @ particular, rcond=None)[0]
+    return (particular + Z @ z)[:n]
+
+
+@pytest.mark.parametrize('pose', [False, True])
+@pytest.mark.parametrize('effort', [False, True])
+@pytest.mark.parametrize('robot', ['fr3', 'lwr4_paper'])
+def test_the_law_is_the_first_step_of_the_dense_problem(robot, effort, pose):
+    model = RobotModel.named(robot)
+    n = model.n
+    start = np.array(model.arm.start) + 0.2
+    state = moving_state(model, path_from(model, start, pose=pose))
+    state.q = start
+    m = 6 if pose else 3
+    nodes, A, e = np.empty((_NODES, n)), np.empty((_NODES, m, n)), np.empty((_NODES, m))
+    path = state.tick.ahead
+    settings = T, H, DAMPING
+    far = np.full(n, -10.0), np.full(n, 10.0)
+    trust = next_nodes(
+        *(state.q, state.dq_prev, *settings, *far, *model.chain),
+        *(path.times, path.positions, path.rotations, T, *_NO_PLAN[:3], nodes, A, e),
+    )
+    for each, J in zip(
+        nodes, A, strict=True
+    ):  # of Pinocchio; an angle counts by its arc on a metre
+        assert np.allclose(model.state(each, each).J[:m], J, atol=1e-12)
+    R = np.tile(np.eye(n), (_NODES + 1, 1, 1))
+    r = np.zeros((_NODES + 1, n))
+    if effort:
+        random = np.random.default_rng(3)
+        M = random.normal(size=(_NODES + 1, n, n))
+        R = R + M @ M.transpose(0, 2, 1)
+        r = random.normal(size=(_NODES + 1, n))
+    W, b, gains = np.empty((n, n)), np.empty(n), np.empty((_NODES, n, 3 * n + 1))
+    given = (R, r) if effort else (R[:0], r[:0])
+    recurse(*(state.q, state.dq_prev, nodes, A, e, *settings, trust, *far, *given, gains, W, b))
+    dx = np.array((-0.1, 0.1, -0.14, 0.02, -0.01, 0.03))[:m]
+    expected = dense_optimum(state, dx, nodes, A, e, trust, R, r)
+    dq = resolve(state.J[:m], dx, b, W)
+    assert np.abs(dq - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_without_a_horizon_or_a_path_it_is_the_law_of_the_paper_to_the_bit():
+    task = load_task('rectangle')
+    model = RobotModel.named('lwr4_paper')
+    path = path_from(model, task.start)
+    given = [
+        (GREEDY, path),  # no horizon
+        (AHEAD, None),
+        (AHEAD, path.after(1.5)),  # all of it is over
+        (AHEAD, Preview(path.times, path.positions + 0.2)),  # elsewhere
+    ]
+    controllers = [(Controller(model, law, T), ahead) for law, ahead in given]
+    q = task.start
+    for k in range(50):
+        dx = np.array((0.001, 0.002, -0.001)) * k
+        references = [each.update(q, dx, ahead=ahead).q_ref for each, ahead in controllers]
+        assert all((each == references[0]).all() for each in references)
+        q = references[0]
+
+
+def test_on_the_rectangle_it_accelerates_far_less_than_the_law_of_the_paper():
+    recording = run(Controller(RobotModel.named('lwr4_paper'), AHEAD, T), load_task('rectangle'))
+    ddq = np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / T
+    assert recording.finished
+    assert np.linalg.norm(ddq, axis=1).max() <= 3.2  # [rad/s^2]; 8.4 without a horizon
+    assert (ddq**2).sum() * T <= 17.0  # 55
+
+
+@pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_effort_ahead'])
+def test_whatever_the_path_says_the_task_is_executed_and_nothing_steps(law):
+    """Paths that jump, end, are missing, old, or lead elsewhere."""
+    random = np.random.default_rng(7)
+    limits = ('position', 'velocity', 'acceleration')
+    controller = Controller(FR3, make_law(law, horizon=1.0), T, limits=limits, switch_time=0.1)
+    q = np.array(FR3.arm.start)
+    dq = np.zeros(7)
+    A = np.array(FR3.arm.acceleration_limit)
+    ahead = None
+    missed = 0
+    for k in range(800):
+        if k % 40 == 0:
+            times = np.cumsum(random.uniform(0.01, 0.3, 8)) - random.uniform(0.0, 1.0)
+            spread = random.choice((0.01, 0.2, 5.0))
+            x = FR3.tip(q)[0]
+            ahead = Preview(times, x + random.normal(0.0, spread, (8, 3)))
+            if random.random() < 0.2:
+                ahead = None
+            if random.random() < 0.2:
+                controller.switch_law(random.choice(sorted(LAWS)))
+            if random.random() < 0.2:
+                controller.switch_law(make_law(law, horizon=random.choice((0.5, 2.0))))
+            missed = int(random.random() < 0.2)
+        dx = 0.05 * np.sin(0.01 * k + np.arange(3.0)) * min(k / 200.0, 1.0)
+        before = controller.bridged(controller.published, missed) if missed else None
+        command = controller.update(q, dx, missed, ahead=ahead)
+        if before is not None:
+            q, dq = before.q, before.dq
+            missed = 0
+        assert (np.abs(command.dq - dq) <= A * T * (1.0 + 1e-9)).all()
+        assert k < 60 or np.allclose(command.J @ command.dq, command.s * dx, atol=1e-9)  # a start
+        q, dq = command.q_ref, command.dq
+
+
+def test_a_plan_goes_on_from_tick_to_tick_and_ends_with_the_velocity_history():
+    controller = Controller(FR3, AHEAD, T)
+    q = np.array(FR3.arm.start)
+    path = path_from(FR3, q)
+    controller.update(q, np.zeros(3), ahead=path)
+    first = controller.published.plan
+    controller.update(q, np.zeros(3), ahead=path.after(T))
+    second = controller.published.plan
+    # it need not be found anew
+    assert 0.0 < np.abs(second.nodes - first.nodes).max() < 0.02
+    for end in (controller.reset, lambda: controller.hold_at(q)):
+        controller.update(q, np.zeros(3), ahead=path)
+        end()
+        assert controller.published is None or controller.published.plan is None
+
+
+def test_nodes_that_would_raise_the_merit_are_not_taken_and_the_trust_rises():
+    state = moving_state(FR3, path_from(FR3, np.array(FR3.arm.start)))
+    *_, plan = look_ahead(state, state.tick.ahead, T, HORIZON, 10.0, effort=False)
+    gains = plan.gains + np.random.default_rng(1).normal(0.0, 30.0, plan.gains.shape)
+    state.plan = plan._replace(gains=gains)
+    *_, after = look_ahead(state, state.tick.ahead, T, HORIZON, 10.0, effort=False)
+    assert np.abs(after.nodes - plan.nodes).max() < 0.02
+    assert after.trust > plan.trust
+
+
+@pytest.mark.parametrize(
+    ('times', 'positions', 'orientations', 'said'),
+    [
+        ((0.0, 1.0), np.zeros((3, 3)), None, '(2, 3)'),
+        ((0.0, 0.0), np.zeros((2, 3)), None, 'increase'),
+        ((), np.zeros((0, 3)), None, 'increase'),
+        ((0.0, 1.0), np.full((2, 3), np.nan), None, 'finite'),
+        ((0.0, np.inf), np.zeros((2, 3)), None, 'finite'),
+        ((0.0, 1.0), np.zeros((2, 3)), np.eye(3), '(2, 3, 3)'),
+    ],
+)
+def test_a_preview_that_cannot_be_used_is_refused(times, positions, orientations, said):
+    with pytest.raises(ArrayError) as caught:
+        Preview(times, positions, orientations)
+    assert said in str(caught.value)
