@@ -14,11 +14,13 @@ from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.laws import make_law
+from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robots import arm_from_urdf, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.optimum import best_motion
 from redres_ros.simulation.recording import Effort, Recording, columns
 from redres_ros.simulation.report import comparison_tables, print_tables
 
@@ -97,16 +99,36 @@ def test_the_first_violation_is_named_by_its_joint_and_time(column, first, most,
     assert violation(rows) == f'{joint} {quantity}, {0.01 * first:.2f} s'
 
 
+def test_the_best_motion_keeps_path_and_ranges_and_is_better_than_any_law():
+    task = load_task('rectangle')
+    model = RobotModel.named('lwr4_paper')
+    law = make_law('minimum_acceleration', horizon=2.0)
+    recording = run(Controller(model, law, 0.01), task)
+    effort, q, T = best_motion(model, task, [recording])
+    assert (q[0] == task.start).all()
+    path = Planner(task).preview(0.0, T * (len(q) - 1), step=T).positions
+    errors = [np.linalg.norm(model.tip(each)[0] - x) for each, x in zip(q, path, strict=False)]
+    assert max(errors[1:]) < 1e-4
+    assert ((model.q_min <= q) & (q <= model.q_max)).all()
+    dq = np.diff(q, axis=0, prepend=q[:1]) / T
+    assert effort == pytest.approx(float((np.diff(dq, axis=0) ** 2).sum() / T))
+    assert effort < 0.95 * Effort.of(recording, model).squared_acceleration
+    assert best_motion(model, replace(task, switching='within_tolerance'), [recording]) is None
+    assert best_motion(model, task, []) is None
+
+
 @pytest.mark.slow
 def test_the_command_writes_plot_and_data(tmp_path, capsys):
-    laws = 'minimum_velocity,minimum_acceleration@5'
+    laws = 'minimum_velocity,minimum_acceleration@5,minimum_acceleration@horizon=1'
     assert main(['compare', '--law', laws, '--period', '0.005', '--out', str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert 'minimum_acceleration, k_d = 5 1/s' in shown
+    assert 'the best motion along the path' in shown
     assert (tmp_path / 'comparison.png').stat().st_size > 10_000
     assert {path.name for path in tmp_path.glob('*.csv')} == {
         'minimum_velocity.csv',
         'minimum_acceleration_5.csv',
+        'minimum_acceleration_1_s_ahead_10.csv',
     }
 
 
@@ -117,6 +139,8 @@ def test_the_command_writes_plot_and_data(tmp_path, capsys):
         ('minimum_velocity@x', ('NAME@DAMPING',)),
         ('minimum_velocity@-1', ('-1',)),
         ('minimum_velocity@5', ('no damping',)),
+        ('minimum_velocity@horizon=1', ('horizon', 'damping')),
+        ('minimum_acceleration@horizon=20', ('horizon', '20', '10')),
         ('minimum_velocity,minimum_velocity', ('twice',)),
         ('minimum_acceleration,minimum_acceleration@10', ('twice',)),
     ],

@@ -20,7 +20,7 @@ from redres_ros.cli.options import (
 if TYPE_CHECKING:
     from redres_ros.simulation.batch import Case
 
-_LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
+_LAWS = 'minimum_velocity,minimum_acceleration,minimum_acceleration@horizon=2'
 
 
 def add(commands: Any) -> None:
@@ -45,6 +45,7 @@ def add(commands: Any) -> None:
         'laws side by side on a task, without ROS',
         '--law minimum_velocity,minimum_acceleration@5 --period 0.004',
         '--law minimum_acceleration@2,minimum_acceleration@5  # two dampings',
+        '--law minimum_acceleration@horizon=1,minimum_effort_ahead',
         '--limits position,velocity,acceleration --limit-scale 0.5',
     )
     add_motion(compare, several_laws=_LAWS)
@@ -79,6 +80,7 @@ def _compare(options: argparse.Namespace) -> int:
     from redres_ros.cli.motion import find_motion
     from redres_ros.simulation.batch import in_parallel
     from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.optimum import best_motion
     from redres_ros.simulation.plots import draw_norms, save
     from redres_ros.simulation.recording import Effort
     from redres_ros.simulation.report import comparison_tables, print_tables, progress_bar
@@ -86,8 +88,8 @@ def _compare(options: argparse.Namespace) -> int:
     laws = [text.strip().partition('@') for text in options.laws.split(',')]
     motion = find_motion(options, [name for name, _, _ in laws])
     motions = {}
-    for name, at, damping in laws:
-        label, case = _contender(motion.case, name, damping if at else None)
+    for name, at, own in laws:
+        label, case = _contender(motion.case, name, own if at else None)
         if label in motions:
             raise OptionError(f'--law {label} is named twice')
         motions[label] = motion._replace(case=case)
@@ -97,7 +99,8 @@ def _compare(options: argparse.Namespace) -> int:
     files: dict[str, Path] = {}  # of the data
     picture = out / 'comparison.png'
     for name in motions:  # such as minimum_acceleration_5.csv
-        files[name] = out / f'{name.replace(", k_d = ", "_").removesuffix(" 1/s")}.csv'
+        short = name.replace('k_d = ', '').removesuffix(' 1/s')
+        files[name] = out / f'{short.replace(", ", "_").replace(" ", "_")}.csv'
     check_writable(picture, *files.values())
 
     with progress_bar(f'{len(motions)} laws') as progress:
@@ -112,7 +115,8 @@ def _compare(options: argparse.Namespace) -> int:
         recordings[name].write_csv(path)
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
     save(draw_norms(recordings, title), picture)
-    print_tables(*comparison_tables(efforts, title))
+    best = best_motion(motion.model, motion.task, results)
+    print_tables(*comparison_tables(efforts, title, best[0] if best else None))
     print(f'plot {picture}')
     print(f'every tick in {out}/*.csv')
     if options.limits == NONE:
@@ -122,20 +126,23 @@ def _compare(options: argparse.Namespace) -> int:
     return 0 if all(recording.finished for recording in recordings.values()) else 1
 
 
-def _contender(case: 'Case', name: str, damping: str | None) -> 'tuple[str, Case]':
-    """The case under a law, and the law's label; without a damping of its own, with that of the
-    case. Raises OptionError.
+def _contender(case: 'Case', name: str, own: str | None) -> 'tuple[str, Case]':
+    """The case under a law, and the law's label; a gain of its own comes before the case's. Raises
+    OptionError and UnknownNameError.
     """
+    from redres_ros.errors import UnknownNameError
     from redres_ros.laws import LAWS
     from redres_ros.simulation.report import label
 
     gains = dict(case.gains)
-    if damping is not None:
-        expected = 'a name or NAME@DAMPING, such as minimum_acceleration@5'
-        gains['damping'] = number_in('--law', f'{name}@{damping}', damping, expected)
+    gain, _, value = (own or '').rpartition('=')
+    if own is not None:
+        expected = 'a name, NAME@DAMPING or NAME@GAIN=VALUE, such as minimum_acceleration@horizon=2'
+        gains[gain or 'damping'] = number_in('--law', f'{name}@{own}', value, expected)
+        known = [each.key for each in LAWS.gains(name)]
+        if gain and gain not in known:
+            raise UnknownNameError(f'gain of {name}', gain, known)
     law = LAWS.resolve(name, gains)
-    if damping is not None and not law.has_memory:
-        raise OptionError(
-            f'--law {name}@{damping}; {name} has no velocity history, and so no damping'
-        )
+    if own is not None and not gain and not law.has_memory:
+        raise OptionError(f'--law {name}@{own}; {name} has no velocity history, and so no damping')
     return label(law), replace(case, law=name, gains=gains)

@@ -146,9 +146,11 @@ class Planner:
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, start, self._finished, R_d, turn_left)
 
-    def preview(self, t: Seconds, seconds: Seconds, rate: float = 1.0) -> Preview:
+    def preview(
+        self, t: Seconds, seconds: Seconds, rate: float = 1.0, step: Seconds = PREVIEW_STEP
+    ) -> Preview:
         """The path of the next seconds, for a clock that advances at a rate."""
-        times = np.arange(0.0, seconds + PREVIEW_STEP, PREVIEW_STEP)
+        times = np.arange(0.0, seconds + step, step)
         starts = self._t_segment + np.cumsum([0.0, *self._times[self._segment : -1]])
         at = t + rate * times
         segments = np.maximum(np.searchsorted(starts, at, side='right') - 1, 0)

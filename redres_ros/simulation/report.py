@@ -87,8 +87,10 @@ def label(law: Law) -> str:
     """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
     if not law.has_memory:
         return law_name(law)
+    horizon = getattr(law, 'horizon', 0.0)
+    ahead = f', {horizon:g} s ahead' if horizon else ''
     damping = repr(float(law.damping)).removesuffix('.0')
-    return f'{law_name(law)}, k_d = {damping} 1/s'
+    return f'{law_name(law)}{ahead}, k_d = {damping} 1/s'
 
 
 def peak_table(name: str, recording: Recording) -> Table:
@@ -105,20 +107,36 @@ def peak_table(name: str, recording: Recording) -> Table:
     return _table(('law', 'end [s]', *_PEAKS.values(), 'last error [mm]'), [row])
 
 
-def comparison_tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
-    """The worst moments, with the arm's limits, and the whole motion; one row a law."""
+def comparison_tables(
+    efforts: Mapping[str, Effort], title: str, least: float | None = None
+) -> tuple[Table, Table]:
+    """The worst moments, with the arm's limits, and the whole motion; one row a law.
+
+    `least` is the integral of the squared acceleration of the best motion along the path.
+    """
     marked = {name: _marked(efforts, name) for name in (*_PEAKS, *_WHOLE)}
+    first = next(iter(efforts.values())).squared_acceleration
     worst = []
     whole = []
     for law, effort in efforts.items():
         within = f'no: {effort.violation}' if effort.violation else 'yes'
         worst.append([law, *(marked[name][law] for name in _PEAKS), within])
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
+        if least is not None:
+            gain = first - effort.squared_acceleration
+            whole[-1].append(f'{100.0 * gain / (first - least):.0f} %' if first > least else '')
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     notes = ['* least', *unfinished]
+    heads = ['law', *_WHOLE.values()]
+    if least is not None:
+        heads.append('of the possible')
+        notes.append(
+            f'the best motion along the path, which knows all of it, has int ddq^2 = {least:.4g}: '
+            'the last column is the share of what the first law could gain'
+        )
     return (
         _table(['law', *_PEAKS.values(), 'within the limits?'], worst, title=title),
-        _table(['law', *_WHOLE.values()], whole, note='\n'.join(notes)),
+        _table(heads, whole, note='\n'.join(notes)),
     )
 
 
