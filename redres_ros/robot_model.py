@@ -247,7 +247,7 @@ class RobotModel:
         acceleration_limit: Sequence[float] = (),
         effort_limit: Sequence[float] = (),
     ) -> 'RobotModel':
-        """Any serial arm from a URDF or xacro file; the tip is the link that carries out the task.
+        """Any serial arm from a URDF file; the tip is the link that carries out the task.
 
         The elbow is a link, or that of the joint in the middle of the arm. Limits are those of each
         joint [rad/s^2], [Nm]; without them efforts are those of the URDF, accelerations an

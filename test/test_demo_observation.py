@@ -50,7 +50,7 @@ class Graph:
     def publish(self, topic: str, message: Any, at: int | None = None) -> None:
         self.now += 1000
         sent = self.now if at is None else at
-        self.log.enter(topic, Sample(serialize_message(message), sent, sent))
+        self.log.enter(topic, Sample(serialize_message(message), sent))
 
     def publish_state(self, tick: int, q: np.ndarray = ZERO, at: int | None = None) -> None:
         self.publish(STATES, joint_state(tick, q), at)

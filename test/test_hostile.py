@@ -101,7 +101,7 @@ def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_pat
     assert said.splitlines()[-1].startswith('redres demo: ')  # DDS may have had its say before
 
 
-@pytest.mark.parametrize('ending', ['yaml', 'urdf', 'xacro'])
+@pytest.mark.parametrize('ending', ['yaml', 'urdf'])
 @pytest.mark.parametrize('make', [os.mkfifo, os.mkdir, partial(os.symlink, '/dev/zero')])
 def test_what_is_no_regular_file_is_refused_at_once(tmp_path, capsys, make, ending):
     path = tmp_path / f'a.{ending}'

@@ -52,10 +52,7 @@ def states(
     names: tuple[str, ...] = NAMES,
 ) -> list[StateSeen]:
     """A hundred states, the k-th of which is as the functions of k say."""
-    return [
-        StateSeen(stamp(k), BEGIN + k * T, dict(zip(names, positions(k), strict=False)))
-        for k in range(100)
-    ]
+    return [StateSeen(stamp(k), dict(zip(names, positions(k), strict=False))) for k in range(100)]
 
 
 GOOD = GraphSnapshot(
@@ -139,14 +136,11 @@ def test_what_is_missing_is_a_fault_with_a_remedy(
 
 
 NOTES = [
-    (good(states=states(lambda k: (2.9, *ARM.start[1:]))), 'positions', 'near an end'),
     (controlled(limit_scale=1.0), 'controller', 'limit_scale is 1'),
     (good(problem='joint_states refused: late'), 'controller', 'reports: joint_states refused'),
     (good(publishers=WITH_TWO_SOURCES), 'task', '/planner, /view publish'),
     (with_another(('left', 'right')), 'states', '/fingers, /robot publish joint_states; only one'),
     (good(words={SESSION: 'MON'}), 'session', 'takes no commands yet: MON'),
-    (BEHIND, 'forwarding', 'list_controllers'),
-    (good(states=states(stamp=lambda k: 10**12 + k * T)), 'clock', "from this computer's"),
 ]
 
 

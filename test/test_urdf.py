@@ -5,10 +5,8 @@ one part of it.
 """
 
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ from redres_ros.errors import FileError, RedresError, UnknownNameError
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.geometry import rotation_matrix
 from redres_ros.planning.waypoints import task_for
-from redres_ros.robots import ARMS, arm_from_urdf
+from redres_ros.robots import ARMS, arm_from_urdf, choose_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.robots.urdf import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.simulation.closed_loop import run
@@ -270,35 +268,12 @@ def test_errors_name_the_file(tmp_path):
         RobotModel.from_urdf(path, 'tip')
 
 
-XACRO = (
-    '<robot name="test" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    '<xacro:property name="length" value="0.3"/>'
-)
-
-
-def test_what_xacro_makes_of_the_file_is_read(tmp_path, monkeypatch):
+def test_a_xacro_is_refused_with_what_makes_a_urdf_of_it(tmp_path):
     path = tmp_path / 'arm.xacro'
-    path.write_text('anything')
-    made = SimpleNamespace(toxml=urdf)
-    xacro = SimpleNamespace(process_file=lambda name: made)
-    monkeypatch.setitem(sys.modules, 'xacro', xacro)
-    assert RobotModel.from_urdf(path, 'tip').joint_names == JOINTS
-    xacro.process_file = lambda name: {}['width']
-    with pytest.raises(FileError, match=r'xacro cannot convert .*arm\.xacro'):
-        arm_from_urdf(path, 'tip')
-
-
-def test_without_xacro_one_line_says_how_to_get_it(tmp_path, monkeypatch):
-    path = tmp_path / 'arm.xacro'
-    path.write_text(XACRO)
-    monkeypatch.setitem(sys.modules, 'xacro', None)  # as if it were not installed
-    with pytest.raises(FileError, match=r'arm\.xacro is a xacro, .*pip install xacro') as refused:
-        arm_from_urdf(path, 'tip')
-    assert '\n' not in str(refused.value)
-
-
-def test_a_urdf_that_is_a_xacro_in_truth_is_refused():
-    assert 'expected the ending .xacro' in refusal(f'{XACRO}<link name="a"/></robot>')
+    xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    path.write_text(f'<robot name="a" {xacro}><link name="a"/><xacro:property name="b"/></robot>')
+    with pytest.raises(FileError, match=r'arm\.xacro holds xacro; .* xacro FILE > arm\.urdf'):
+        choose_arm(str(path))
 
 
 # --- defaults -------------------------------------------------------------------------------------

@@ -49,11 +49,10 @@ _SNAPSHOTS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Sample(NamedTuple):
-    """A serialised message, and when it was sent and received, time of day [ns]."""
+    """A serialised message, and when it was sent, time of day [ns]."""
 
     data: bytes
     sent: int
-    received: int
 
 
 class Sampler:
@@ -94,7 +93,7 @@ class Sampler:
         with handle:
             while (found := handle.take_message(subscription.msg_type, True)) is not None:
                 data, times = found
-                taken.append(Sample(data, times['source_timestamp'], times['received_timestamp']))
+                taken.append(Sample(data, times['source_timestamp']))
         return taken
 
     def newest(self, topic: str) -> Any:

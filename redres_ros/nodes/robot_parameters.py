@@ -39,7 +39,7 @@ END_OF_REACH = 0.02  # of the largest singular value of the task
 _PATIENCE = 3.0  # [s] of waiting for the description between one line in the log and the next
 _WAIT = 0.1  # [s] after which Python's signal handlers have their turn
 _ROBOT = Parameter(
-    'arm: a name that `redres laws` prints, a path ending in .urdf or .xacro, '
+    'arm: a name that `redres laws` prints, a path ending in .urdf, '
     'or topic: the URDF on robot_description'
 )
 _TIP_FRAME = Parameter(

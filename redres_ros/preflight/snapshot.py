@@ -32,10 +32,9 @@ _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class StateSeen(NamedTuple):
-    """A message of joint_states: stamp [ns], arrival by this computer's clock [ns], and joints."""
+    """A message of joint_states: stamp [ns], and joints."""
 
     stamp: int
-    arrived: int
     positions: Mapping[str, float]
 
 
@@ -92,7 +91,7 @@ class SnapshotNode(GraphMonitor):
                     state = deserialised(sample.data, JointState)
                     stamp = to_nanoseconds(state.header.stamp)
                     positions = dict(zip(state.name, state.position, strict=False))
-                    seen.states.append(StateSeen(stamp, sample.received, positions))
+                    seen.states.append(StateSeen(stamp, positions))
         if description := self.samples.newest(DESCRIPTION):
             seen.description = description.data
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.files.text import read_text
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import (
     TEXT,
@@ -12,7 +13,6 @@ from redres_ros.robots.urdf import (
     Urdf,
     child,
     make_cylinders,
-    read_urdf,
     tree_to,
     write_out_joints,
 )
@@ -75,7 +75,7 @@ class Arm:
     def __post_init__(self) -> None:
         if isinstance(self.urdf, Path):
             object.__setattr__(self, 'source', str(self.urdf))
-            object.__setattr__(self, 'urdf', read_urdf(self.urdf))
+            object.__setattr__(self, 'urdf', read_text(self.urdf))
         if self.dynamics not in DYNAMICS:
             raise UnknownNameError('dynamics', self.dynamics, DYNAMICS)
         for name in ('base_offset', 'tool_offset'):

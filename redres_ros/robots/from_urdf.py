@@ -39,7 +39,7 @@ def arm_from_urdf(
 ) -> Arm:
     """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
 
-    The source is a file, a URDF or xacro (Path), or a URDF's text (str). Without a tip it is the
+    The source is a file (Path), or a URDF's text (str). Without a tip it is the
     last link of an arm without branches. Limits are those of each joint, (n,).
 
     Raises as `Arm.description`; FileError also for too few joints, or more than one last link.

@@ -106,8 +106,7 @@ ARMS: dict[str, Arm] = {
 }
 
 
-_ENDINGS = ('.urdf', '.xacro')  # that distinguish a file from a name
-ALLOWED = (*ARMS, f'a path ending in {" or ".join(_ENDINGS)}')  # in words
+ALLOWED = (*ARMS, 'a path ending in .urdf')  # in words
 
 
 def find_arm(name: str, **changes: object) -> Arm:
@@ -131,7 +130,7 @@ def find_arm(name: str, **changes: object) -> Arm:
 def choose_arm(
     robot: str, tip_frame: str = '', elbow_frame: str = '', *, others: tuple[str, ...] = ()
 ) -> Arm:
-    """The arm of a name in the table, or of the path of a .urdf or .xacro file; an empty frame is
+    """The arm of a name in the table, or of the path of a .urdf file; an empty frame is
     the arm's own, or that which `arm_from_urdf` chooses.
 
     Raises UnknownNameError, which lists `others` that the caller takes, too, and FileError.
@@ -139,6 +138,6 @@ def choose_arm(
     if robot in ARMS:
         frames = {'tip_frame': tip_frame, 'elbow_frame': elbow_frame}
         return find_arm(robot, **{name: frame for name, frame in frames.items() if frame})
-    if Path(robot).suffix not in _ENDINGS:
+    if Path(robot).suffix not in ('.urdf', '.xacro'):  # which is refused with a remedy
         raise UnknownNameError('robot', robot, (*ALLOWED, *others))
     return arm_from_urdf(Path(robot), tip_frame, elbow_frame)

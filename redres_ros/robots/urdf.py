@@ -5,15 +5,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import FileError, UnknownNameError, reason_of
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.files.installation import remedy
-from redres_ros.files.text import read_text
 
 if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for numpy 1.26, too
     raise ImportError(
@@ -67,7 +64,7 @@ class Urdf:
         if robot.tag != 'robot' or not robot.findall('link'):
             raise FileError(f'{source} is not a URDF:  expected a robot with at least one link')
         if any('/xacro}' in element.tag for element in robot.iter()):
-            raise FileError(f'{source} holds xacro; expected the ending .xacro, or a plain URDF')
+            raise FileError(f'{source} holds xacro; write the URDF first: xacro FILE > arm.urdf')
         return cls(robot, source)
 
     def text(self) -> str:
@@ -134,24 +131,6 @@ class Urdf:
     def _number(self, element: ET.Element | None, attribute: str, owner: str) -> float:
         """An attribute's number, 0 if it is missing. Raises FileError."""
         return float(self._numbers(element, attribute, '0', owner)[0])
-
-
-def read_urdf(path: Path) -> str:
-    """The text of a URDF file; a .xacro file is converted. Raises FileError."""
-    text = read_text(path)
-    if path.suffix != '.xacro':
-        return text
-    try:
-        xacro = import_module('xacro')
-    except ImportError:
-        raise FileError(
-            f'{path} is a xacro, which only the package xacro can read; install it '
-            '(pip install xacro, or ros-jazzy-xacro), or convert the file elsewhere: xacro FILE'
-        ) from None
-    try:
-        return str(xacro.process_file(str(path)).toxml())
-    except Exception as error:  # noqa: BLE001  # a xacro evaluates expressions: of any type
-        raise FileError(f'xacro cannot convert {path}: {reason_of(error)}') from None
 
 
 def child(element: ET.Element, tag: str) -> ET.Element:
