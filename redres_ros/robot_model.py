@@ -28,7 +28,6 @@ from redres_ros.types import (
     Rotation,
     Seconds,
     TaskVelocity,
-    Twist,
     finite_vector,
 )
 
@@ -273,14 +272,6 @@ class RobotModel:
     ) -> JointTorques:
         """M(q) ddq + n(q, dq), Eq. (6), without M or n and without check."""
         return pin.rnea(self._model, self._data, q, dq, ddq)  # a copy
-
-    def velocity_product(self, q: JointPositions, dq: JointVelocities) -> Twist:
-        """dJ dq: the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
-        q = finite_vector(q, self.n, 'q')
-        dq = finite_vector(dq, self.n, 'dq')
-        pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
-        ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, _ALIGNED)
-        return ddx.vector.copy()
 
     def tip(self, q: JointPositions) -> tuple[Position, Rotation]:
         """The tip's pose in the base frame."""

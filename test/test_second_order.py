@@ -54,13 +54,3 @@ def test_a_law_of_first_order_has_no_scheme(name):
         UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"
     ):
         Scheme(name)
-
-
-def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(model, states):
-    h = 1e-6
-    for state in states[:20]:
-        q = state.q
-        dq = state.dq_prev
-        change = (model.state(q + h * dq, dq).J - model.state(q - h * dq, dq).J) / (2.0 * h)
-        # Central differences: rounding 1e-16 / h, truncation h^2.
-        assert model.velocity_product(q, dq) == pytest.approx(change @ dq, rel=1e-7, abs=1e-8)

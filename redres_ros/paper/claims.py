@@ -2,13 +2,10 @@
 2 to 5), experiments (Section 6), and our readings of what it leaves open. Its identities are tests.
 """
 
-import time
 from typing import Any
 
 import numpy as np
 
-from redres_ros.controller import Controller
-from redres_ros.laws import make_law
 from redres_ros.paper.claim import ASSUMPTION, Claim, Finding, claim
 from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.experiment import (
@@ -19,14 +16,7 @@ from redres_ros.paper.experiment import (
     VelocityDifference,
     differentiate,
 )
-from redres_ros.paper.runs import (
-    CONVERGING_LAWS,
-    SIMULATION_T,
-    TORQUE_LAWS,
-    TWO_ROUNDS,
-    Runs,
-)
-from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController
+from redres_ros.paper.runs import SIMULATION_T, TWO_ROUNDS, Runs
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.simulation.recording import Recording
@@ -37,30 +27,8 @@ ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 _PRACTICAL = 0.02
 _ALIKE = 0.05  # fraction of the joints' path up to which two motions count as very similar
 _AT_START = 1e-3  # [m] up to which q(0) is at x_0
-_REPETITIONS = 3000  # of a tick when it is timed
 
 # --- simulations with an ideal arm ---------------------------------------------------------------
-
-
-@claim(
-    '2.2',
-    'The approximations (8) to (10) are consistent: '
-    'the sampled laws tend to the continuous schemes',
-)
-def _proportional(runs: Runs) -> Finding:
-    orders = {law: runs[f'convergence_{law}'] for law in CONVERGING_LAWS}
-    return Finding(
-        all(0.9 <= order <= 1.1 for order in orders.values()),
-        'the error of q against the continuous scheme falls as T^p over the first segment, '
-        'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
-    )
-
-
-@claim(
-    '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
-)
-def _auxiliary_task(runs: Runs) -> Finding:
-    return _same_velocities(runs['difference_19'].max)
 
 
 @claim(
@@ -152,41 +120,6 @@ def _faster(runs: Runs) -> Finding:
 def _equivalence_35(runs: Runs) -> Finding:
     difference = velocity_difference(runs['simulated_35'], runs['simulated_29'])
     return _same_velocities(float(difference.max()))
-
-
-@claim('4, A', 'So do the other torque laws and their schemes')
-def _equivalence_others(runs: Runs) -> Finding:
-    found = {law: runs[f'difference_{law}'] for law in TORQUE_LAWS}
-    listed = ', '.join(f'{name} {d.max:.0e} / {d.same_past:.0e} rad/s' for name, d in found.items())
-    return Finding(
-        all(d.same_past <= ROUNDING for d in found.values()),
-        f'largest difference in closed loops of their own / given the same past: {listed}',
-        'with the identified dynamics and k_d = 10 1/s',
-    )
-
-
-@claim('7', 'The velocity laws cost no more computation than the second-order schemes')
-def _cost(runs: Runs) -> Finding:
-    ratios = {}
-    recording = runs['simulated_23']
-    q = recording.vectors('q1')[1000]
-    dx = runs.model.state(q, np.zeros(runs.model.n)).J[:3] @ recording.vectors('dq1')[1000]
-    for name in SCHEMES:
-        law = Controller(runs.model, make_law(name), SIMULATION_T)
-        scheme = SecondOrderController(runs.model, Scheme(name), SIMULATION_T)
-        pairs = [(_seconds(law, q, dx), _seconds(scheme, q, dx)) for _ in range(_REPETITIONS)]
-        ratios[name] = float(np.median([one / two for one, two in pairs]))
-    return Finding(
-        max(ratios.values()) <= 1.05,
-        'time of a tick, velocity law over second-order scheme: '
-        + ', '.join(f'{name} {ratio:.2f}' for name, ratio in ratios.items()),
-        'medians of pairs measured in turns; both evaluate the same model',
-    )
-
-
-@claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
-def _full_damping(runs: Runs) -> Finding:
-    return _same_velocities(runs['difference_2'].max)
 
 
 # --- experiments, here with the simulated arm behind the fake robot ------------------------------
@@ -372,14 +305,6 @@ def _same_velocities(largest: float) -> Finding:
     return Finding(
         largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
     )
-
-
-def _seconds(
-    controller: Controller | SecondOrderController, q: np.ndarray, dx: np.ndarray
-) -> float:
-    begun = time.perf_counter()
-    controller.update(q, dx)
-    return time.perf_counter() - begun
 
 
 def _practically(runs: Runs, law: str, scheme: str) -> Finding:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import partial
 from itertools import product
 from typing import Any
 
@@ -10,11 +9,10 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import Difference, convergence, difference
+from redres_ros.paper.equivalence import Difference, difference
 from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.second_order import Scheme, SecondOrderController
 from redres_ros.planning.waypoints import WaypointTask, load_task
-from redres_ros.preferences import JointCentering
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import Client, run
@@ -23,8 +21,6 @@ from redres_ros.simulation.recording import Recording
 SIMULATION_T = 0.001  # [s]
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 EXPERIMENT_DYNAMICS = 'identified'  # of arm and controller alike
-TORQUE_LAWS = ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
-CONVERGING_LAWS = ('minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent')
 
 _DAMPING = 10.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 _EXPERIMENT_T = 0.002  # [s]
@@ -123,17 +119,10 @@ def title(number: int, name: str, scheme: str = '') -> str:
     return f'Figure {number}. {kind}: {run.law} ({run.equation}){other}{damping}{period}{order}'
 
 
-def _difference(
-    runs: Runs, law: str, scheme: Scheme, dynamics: str = SIMULATION_DYNAMICS
-) -> Difference:
-    """A law beside a scheme, both with the scheme's damping and preference."""
-    model = RobotModel.named(runs.task.robot, dynamics=dynamics)
-    return difference(make_law(law, damping=scheme.damping), scheme, SIMULATION_T, runs.task, model)
-
-
-def _convergence(runs: Runs, law: str) -> float:
-    """A law at several sampling times beside its scheme in continuous time, first segment."""
-    return convergence(Scheme(law, _DAMPING), runs.task, runs.model)
+def _undamped_difference(runs: Runs) -> Difference:
+    law = make_law('minimum_acceleration', damping=0.0)
+    scheme = Scheme('minimum_acceleration', 0.0)
+    return difference(law, scheme, SIMULATION_T, runs.task, runs.model)
 
 
 _LEAST_VELOCITY = _RobotRun('2', 'minimum_velocity', seed=1)
@@ -176,20 +165,4 @@ MOTIONS: dict[Any, _Simulation | _RobotRun] = {
     **TWO_ROUNDS,
 }
 
-_UNDAMPED = Scheme('minimum_acceleration', 0.0)
-_PREFERRING = Scheme('minimum_acceleration', _DAMPING, JointCentering(gain=400.0))  # Eq. (18)
-_FULLY_DAMPED = Scheme('minimum_acceleration', 1.0 / SIMULATION_T)
-
-RUNS: dict[Any, Callable[[Runs], Any]] = {
-    'difference_15': partial(_difference, law='minimum_acceleration', scheme=_UNDAMPED),
-    'difference_19': partial(_difference, law='minimum_acceleration', scheme=_PREFERRING),
-    'difference_2': partial(_difference, law='minimum_velocity', scheme=_FULLY_DAMPED),
-    **{
-        f'difference_{law}': partial(
-            _difference, law=law, scheme=Scheme(law, _DAMPING), dynamics=EXPERIMENT_DYNAMICS
-        )
-        for law in TORQUE_LAWS
-    },
-    **{f'convergence_{law}': partial(_convergence, law=law) for law in CONVERGING_LAWS},
-    **MOTIONS,
-}
+RUNS: dict[Any, Callable[[Runs], Any]] = {'difference_15': _undamped_difference, **MOTIONS}
