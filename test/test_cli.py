@@ -95,7 +95,7 @@ REFUSED = [
     ('simulate --law fastest', "unknown law 'fastest'; allowed: dynamically_consistent, "),
     ('simulate --task circle', "unknown task 'circle'; allowed: "),
     ('simulate --task none.yaml', 'cannot read none.yaml'),
-    ('simulate --robot r2d2', "unknown robot 'r2d2'; allowed: a path ending in .urdf "),
+    ('simulate --robot r2d2', "unknown robot 'r2d2'; allowed: a path ending in .urdf, "),
     (
         'simulate --robot fr3 --task rectangle',
         'the tip of fr3 is 794 mm away from the first point when the task starts, at ',

@@ -43,10 +43,10 @@ def command(out: Path) -> list[str]:
     return [sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(out)]
 
 
-def demo(out: Path, *arguments: str, timeout: float = 180.0) -> subprocess.CompletedProcess[str]:
+def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """A run to its end."""
     return subprocess.run(
-        [*command(out), *arguments], text=True, timeout=timeout, capture_output=True, check=False
+        [*command(out), *arguments], text=True, timeout=180.0, capture_output=True, check=False
     )
 
 
@@ -111,7 +111,6 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
     got = motion(lockstep)
     assert len(got) == len(expected)
     np.testing.assert_allclose(got[:, 0], PERIOD * np.arange(len(got)), atol=1e-9)
-    assert summary(lockstep)['cycles'] == {'in time': len(got), 'late': 0, 'missing': 0}
     # The first state finds the arm at rest; the motion begins with the second.
     np.testing.assert_allclose(got[1:, JOINTS], expected[:-1, JOINTS], rtol=0.0, atol=1e-9)
 
@@ -154,22 +153,6 @@ def test_the_task_is_finished_in_real_time(tmp_path: Path) -> None:
     assert figures['motion']['final_error'] < 0.001
     assert (out / 'motion.png').read_bytes().startswith(b'\x89PNG')
     assert not (out / 'contact.png').exists()  # nothing was touched
-    cycles = figures['cycles']
-    # A state that got no command has no row, and neither has one whose command got lost.
-    assert len(rows) == cycles['in time'] + cycles['late']
-    assert sum(cycles.values()) == round(rows[-1, 0] / 0.002) + 1
-
-
-@pytest.mark.nightly
-def test_a_task_is_repeated_for_as_long_as_asked(tmp_path: Path, short_task: str) -> None:
-    duration = 600
-    options = ('--task', short_task, '--duration', str(duration))
-    done = demo(tmp_path, *options, timeout=duration + 180)
-    assert done.returncode == 0, done.stdout + done.stderr
-    rounds = summary(tmp_path)['rounds']
-    assert rounds >= 2
-    # Every round is in the table: two sides of a second each, and the robot goes on in between.
-    assert motion(tmp_path)[-1, 0] > max(duration, 1.9 * rounds)
 
 
 def running(

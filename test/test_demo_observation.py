@@ -20,7 +20,6 @@ from redres_ros.demo.observation import (
     SEGMENT,
     STATES,
     Log,
-    count_cycles,
     replay,
 )
 from redres_ros.demo.outcome import motion_values
@@ -36,7 +35,6 @@ from redres_ros.simulation.recording import MotionRecorder, Recording, columns
 T = 0.002  # [s]
 PERIOD = 2_000_000  # [ns]
 NAMES = RobotModel.named('lwr4_paper').joint_names
-MS = 1_000_000  # [ns]
 ZERO = np.zeros(7)
 
 
@@ -47,18 +45,15 @@ class Graph:
         self.log = Log(NAMES)
         self.now = 10**15
 
-    def publish(self, topic: str, message: Any, at: int | None = None) -> None:
+    def publish(self, topic: str, message: Any) -> None:
         self.now += 1000
-        sent = self.now if at is None else at
-        self.log.enter(topic, Sample(serialize_message(message), sent))
+        self.log.enter(topic, Sample(serialize_message(message), self.now))
 
-    def publish_state(self, tick: int, q: np.ndarray = ZERO, at: int | None = None) -> None:
-        self.publish(STATES, joint_state(tick, q), at)
+    def publish_state(self, tick: int, q: np.ndarray = ZERO) -> None:
+        self.publish(STATES, joint_state(tick, q))
 
-    def publish_command(
-        self, tick: int, q: np.ndarray = ZERO, dq: np.ndarray = ZERO, at: int | None = None
-    ) -> None:
-        self.publish(COMMANDS, joint_state(tick, q, dq), at)
+    def publish_command(self, tick: int, q: np.ndarray = ZERO, dq: np.ndarray = ZERO) -> None:
+        self.publish(COMMANDS, joint_state(tick, q, dq))
 
     def publish_desired(self, tick: int, x: np.ndarray = ZERO) -> None:
         message = PoseStamped()
@@ -96,17 +91,6 @@ def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_of_its_node_befor
     assert graph.log.values_at(SEGMENT, stamps, 0) == [2, 2, 2]
     assert graph.log.values_at(TASK_STATE, stamps, '') == ['idle', 'idle', 'moving']
     assert graph.log.values_at(LAW, stamps, 'none') == ['none'] * 3
-
-
-@pytest.mark.parametrize(('period', 'late'), [(T, 1), (np.inf, 0)])
-def test_every_cycle_is_counted_as_one_of_three(period: float, late: int) -> None:
-    graph = Graph()
-    for tick, sent in enumerate((0.0, 2.0, 4.0, 11.5), 1):  # [ms], the last after the task
-        graph.publish_state(tick, at=int(sent * MS))
-    for tick, returned in ((1, 1.0), (2, 5.0)):
-        graph.publish_command(tick, at=int(returned * MS))
-    cycles = count_cycles(graph.log, period, PERIOD, 3 * PERIOD)
-    assert cycles == {'in time': 2 - late, 'late': late, 'missing': 1}
 
 
 def test_rounds_are_what_the_planner_moved_through_until_the_robot_stopped() -> None:

@@ -25,6 +25,7 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
     '--kind': '`for result in batch(cases)` in Python',
     '--save': '--view, or a plot of motion.csv, which the demo writes',
     '--help-gains': 'redres laws',
+    '--duration': '--view, whose button starts the task again',
     '--switch': '`ros2 param set /controller law NAME` or `redres watch --set law=NAME` meanwhile',
     '--composed': 'redres_composed',
 }

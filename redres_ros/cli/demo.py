@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.options import (
     DEMO_LIMITS,
-    DURATIONS,
     add_command,
     add_motion,
     check_range,
@@ -39,12 +38,10 @@ def add(commands: Any) -> None:
     run = demo.add_argument_group('run')
     plant = 'physics, or an ideal arm that follows every command exactly'
     lockstep = 'as fast as possible and deterministic, instead of in real time'
-    duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
     domain = 'ROS domain; default: one that is free on this machine'
     option(run, '--period', 'S', 'sampling time T [s]', 0.002)
     option(run, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
     run.add_argument('--lockstep', action='store_true', help=lockstep)
-    option(run, '--duration', 'S', duration, 0.0, within=DURATIONS)
     option(run, '--domain', 'ID', domain, type=int)
 
     results = demo.add_argument_group('display and files')
@@ -83,8 +80,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.loop.cycle_counter import RATES
 
     check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
-    default = 'side_to_side' if options.duration else 'rectangle'
-    motion = find_motion(options, [options.law], default)
+    motion = find_motion(options, [options.law])
     motion.law(options.law).check_damping(options.period)
     parameters = node_parameters(motion)
     page = {'patience': START_PATIENCE, 'plugins': parameters['plugins']}
@@ -96,7 +92,6 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         motion.law,
         {**parameters, 'plant': options.plant, 'lockstep': options.lockstep},
         options.out,
-        options.duration,
         page if options.view else None,
     )
 

@@ -53,16 +53,14 @@ class NamedMotion(NamedTuple):
         return make_controller(self.case, self.model, pose=pose, switch_time=switch_time)
 
 
-def find_motion(
-    options: argparse.Namespace, laws: Sequence[str], default: str = 'rectangle'
-) -> NamedMotion:
-    """The motion under the first of some laws, where the others are in use, too; with that task if
+def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> NamedMotion:
+    """The motion under the first of some laws, where the others are in use, too; the paper's if
     neither a task nor a robot is named.
 
     Raises RedresError for a name that is in no table, a file that cannot be used, a task and a
     robot that do not go together, or a gain of what is not in use.
     """
-    name = options.task or ('' if options.robot else default)
+    name = options.task or ('' if options.robot else 'rectangle')
     given = load_task(name) if name else None
     robot = options.robot or (given.robot if given else '')
     arm = replace(choose_arm(robot, options.tip, options.elbow), dynamics=options.dynamics)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.demo.observation import Log, count_cycles, replay
+from redres_ros.demo.observation import Log, replay
 from redres_ros.demo.outcome import Outcome, motion_values
 from redres_ros.demo.processes import GraphError, NodeProcess
 from redres_ros.files.processes import handled
@@ -53,7 +53,6 @@ class Demo:
     make_law: Callable[[str], Law]  # gives the law of a name, with the gains of the run
     parameters: Mapping[str, Any]  # of the nodes; each takes those that it has
     out: Path  # directory for what the nodes print
-    duration: float = 0.0  # how long the task is repeated [s]; 0 for once
     # Parameters of the page, with which the nodes stay until Ctrl-C; None for no page
     page: Mapping[str, Any] | None = None
     interrupted: bool = field(default=False, init=False)  # whether Ctrl-C has ended it
@@ -65,7 +64,6 @@ class Demo:
         self._page_address = ''
         self._log = Log(self.model.joint_names)
         self._newest_at = 0.0  # when the newest state came [s]
-        self._rounds = 1
 
     @property
     def title(self) -> str:
@@ -86,8 +84,6 @@ class Demo:
                     import_module('redres_ros.simulation.plots')
                 self._await_robot(monitor)
                 self._run_task(monitor, progress)
-                if self.duration:
-                    self._repeat(monitor, progress)
                 if self._page is not None:
                     self._stay(monitor, self._page)
         except KeyboardInterrupt:
@@ -168,11 +164,10 @@ class Demo:
 
     def _start_task(self, monitor: GraphMonitor) -> None:
         """Wait until the task begins, or the robot is stopped; the planner may refuse at first."""
-        before = self._log.began
         until = time.monotonic() + START_PATIENCE
         is_granted = False
         refusal = ''
-        while self._log.began == before and not monitor.word(REASON):
+        while not self._log.began and not monitor.word(REASON):
             if time.monotonic() > until:
                 raise GraphError(f'the planner did not begin within {START_PATIENCE:g} s{refusal}')
             if not is_granted:
@@ -183,16 +178,6 @@ class Demo:
                     refusal = f': {error}'
             time.sleep(_LOOK if is_granted else _ASK_AGAIN)
             self._look(monitor)
-
-    def _repeat(self, monitor: GraphMonitor, progress: Callable[[float], None]) -> None:
-        """Repeat the task, each round from where the last one ended."""
-        first = self._log.began
-        done = 0.0
-        while self._log.ending() == _FINISHED and done < 1.0:
-            self._run_task(monitor, lambda _: None)
-            self._rounds += 1
-            done = (self._log.newest - first) / 1e9 / self.duration
-            progress(min(done, 1.0))
 
     def _stay(self, monitor: GraphMonitor, page: NodeProcess) -> None:
         """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
@@ -234,7 +219,6 @@ class Demo:
             'task': 'finished' if recording.finished else 'NOT finished',
             'stop_reason': log.stopped()[1],
             'session': log.words(SESSION),
-            'rounds': self._rounds,
         }
         if self.interrupted:
             summary['task'] = 'interrupted'
@@ -243,8 +227,6 @@ class Demo:
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
             summary['motion'] = motion_values(recording, self.task, error)
-            period = np.inf if self.parameters['lockstep'] else self._T
-            summary['cycles'] = count_cycles(log, period, stamps[0], stamps[-1])
         rows = [
             ((stamp - stamps[0]) / 1e9, *(self.model.tip(log.states[stamp])[1] @ log.forces[stamp]))
             for stamp in stamps

@@ -1,4 +1,4 @@
-"""The messages of a demo's nodes by the stamps of the robot's states: its motion, its cycles."""
+"""The messages of a demo's nodes by the stamps of the robot's states, and its motion."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -86,7 +86,7 @@ class Log:
         forces: Forces of the environment on the tip, (3,) [N].
         sent: When a stamped message was published [ns], by topic and stamp.
         newest: Stamp of the newest state; 0 before the first.
-        began: Stamp at which a task began last; 0 before the first.
+        began: Stamp at which the task began; 0 before the first.
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
@@ -161,8 +161,8 @@ class Log:
         return min((item for item in reasons if item[1]), default=(np.inf, ''))
 
     def under_way(self) -> list[int]:
-        """Stamps of the states while the planner moved and the robot took commands, in every round;
-        those that the planner missed included.
+        """Stamps of the states while the planner moved and the robot took commands; those that the
+        planner missed included.
         """
         if not self.desired:
             return []
@@ -185,23 +185,6 @@ class Log:
         at = np.array(stamps) - known[0]
         of = np.array(known) - known[0]  # [ns], small enough for a float
         return np.column_stack([np.interp(at, of, column) for column in poses.T])
-
-
-def count_cycles(log: Log, period: float, first: int, last: int) -> dict[str, int]:
-    """How many states between two stamps [ns] got their command within a period [s], which is
-    infinite in lock-step; later than that; or not at all.
-    """
-    sent = log.sent[STATES]
-    returned = log.sent[COMMANDS]
-    counts = {'in time': 0, 'late': 0, 'missing': 0}
-    for stamp in sent:
-        if not first <= stamp <= last:
-            continue
-        if stamp not in returned:
-            counts['missing'] += 1
-        else:
-            counts['in time' if returned[stamp] - sent[stamp] <= 1e9 * period else 'late'] += 1
-    return counts
 
 
 def replay(

@@ -17,7 +17,7 @@ class Outcome(NamedTuple):
     """The outcome of a demo."""
 
     recording: Recording
-    summary: Mapping[str, Any]  # how it ended, in words, `motion_values` and `count_cycles`
+    summary: Mapping[str, Any]  # how it ended, in words, and `motion_values`
     forces: np.ndarray  # times [s], and forces on the tip in the base frame [N], (N, 4)
 
 
@@ -56,8 +56,6 @@ def summary_table(summary: Mapping[str, Any], title: str) -> Table:
     ]
     if reason.startswith('timing'):
         rows.append(('why', 'this computer was too busy; --lockstep waits for every command'))
-    if summary['rounds'] > 1:
-        rows.append(('rounds', f'{summary["rounds"]}'))
     if motion := summary.get('motion'):
         rows += [
             ('motion',),
@@ -70,8 +68,6 @@ def summary_table(summary: Mapping[str, Any], title: str) -> Table:
             ('maximum joint torque', _peak(motion['torque'], 1.0, 'Nm (norm)')),
             ('time at rest', f'{motion["still"]:.3f} s'),
         ]
-    if cycles := summary.get('cycles'):
-        rows += [('commands of the cycles',), *((name, f'{n}') for name, n in cycles.items())]
     return facts(rows, title=title)
 
 
