@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from redres_ros.paper.claim import ASSUMPTION, Claim, Finding, claim
-from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.experiment import (
     FINER,
     WINDOW,
@@ -15,6 +14,7 @@ from redres_ros.paper.experiment import (
     MeasuredMotion,
     VelocityDifference,
     differentiate,
+    velocity_difference,
 )
 from redres_ros.paper.runs import SIMULATION_T, TWO_ROUNDS, Runs
 from redres_ros.robot_model import RobotModel
@@ -72,8 +72,7 @@ def _bounded(runs: Runs) -> Finding:
 
 @claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)')
 def _equivalence_damped(runs: Runs) -> Finding:
-    difference = velocity_difference(runs['simulated_23'], runs['simulated_22'])
-    return _same_velocities(float(difference.max()))
+    return _same_motion(runs, 'simulated_23', 'simulated_22')
 
 
 @claim(
@@ -98,13 +97,7 @@ def _peaks(runs: Runs) -> Finding:
 
 @claim('5.1', 'Law and scheme still behave alike without damping')
 def _equivalence_undamped(runs: Runs) -> Finding:
-    found = runs['difference_15']
-    return Finding(
-        found.max <= ROUNDING,
-        f'in closed loops of their own at most {found.max:.0e} rad/s apart, '
-        f'given the same past {found.same_past:.0e} rad/s',
-        'the undamped loop amplifies rounding',
-    )
+    return _same_motion(runs, 'simulated_15', 'simulated_16')
 
 
 @claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)')
@@ -118,8 +111,7 @@ def _faster(runs: Runs) -> Finding:
 
 @claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)')
 def _equivalence_35(runs: Runs) -> Finding:
-    difference = velocity_difference(runs['simulated_35'], runs['simulated_29'])
-    return _same_velocities(float(difference.max()))
+    return _same_motion(runs, 'simulated_35', 'simulated_29')
 
 
 # --- experiments, here with the simulated arm behind the fake robot ------------------------------
@@ -300,8 +292,9 @@ def _peak(runs: Runs, name: Any, norm: str = 'acceleration') -> tuple[float, flo
     return recording.peak(f'joint_{norm}_norm')
 
 
-def _same_velocities(largest: float) -> Finding:
-    """Whether a law and a scheme, each in its own closed loop, differ by rounding only [rad/s]."""
+def _same_motion(runs: Runs, law: str, scheme: str) -> Finding:
+    """Whether a law and a scheme, each in its own closed loop, differ by rounding only."""
+    largest = float(velocity_difference(runs[law], runs[scheme]).max())
     return Finding(
         largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
     )

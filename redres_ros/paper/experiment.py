@@ -126,6 +126,14 @@ def experiment(
     return Experiment(recording, robot.stop_reason, np.array(robot.shown))
 
 
+def velocity_difference(law: Recording, scheme: Recording) -> np.ndarray:
+    """|dq_I - dq_II| in each tick that both have, (N,) [rad/s]."""
+    dq_I = law.vectors('dq1')
+    dq_II = scheme.vectors('dq1')
+    both = min(len(dq_I), len(dq_II))
+    return norms(dq_I[:both] - dq_II[:both])
+
+
 @dataclass(frozen=True)
 class VelocityDifference:
     """Norms of differences of joint velocities, (N,) [rad/s], of a law (I) and a scheme (II)."""

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from redres_ros.command import norms
-from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.experiment import (
     FINER,
     WINDOW,
     Experiment,
     MeasuredMotion,
     VelocityDifference,
+    velocity_difference,
 )
 from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.planning.waypoints import WaypointTask

@@ -9,7 +9,6 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import Difference, difference
 from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.second_order import Scheme, SecondOrderController
 from redres_ros.planning.waypoints import WaypointTask, load_task
@@ -29,7 +28,7 @@ _SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as t
 
 
 class Runs(dict[Any, Any]):
-    """Results by the names of RUNS; each is computed when first asked for, and kept.
+    """Results by the names of MOTIONS; each is computed when first asked for, and kept.
 
     The tasks are the paper's unless others are given.
     """
@@ -44,12 +43,13 @@ class Runs(dict[Any, Any]):
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
     def __missing__(self, name: Any) -> Any:
-        self[name] = RUNS[name](self)
+        self[name] = MOTIONS[name](self)
         return self[name]
 
     def prepare(self, progress: Callable[[float], None]) -> None:
         """Run everything on all processors; progress receives the completed fraction."""
-        self.update(zip(RUNS, in_parallel(self.__getitem__, list(RUNS), progress), strict=True))
+        results = in_parallel(self.__getitem__, list(MOTIONS), progress)
+        self.update(zip(MOTIONS, results, strict=True))
 
 
 @dataclass(frozen=True)
@@ -119,12 +119,6 @@ def title(number: int, name: str, scheme: str = '') -> str:
     return f'Figure {number}. {kind}: {run.law} ({run.equation}){other}{damping}{period}{order}'
 
 
-def _undamped_difference(runs: Runs) -> Difference:
-    law = make_law('minimum_acceleration', damping=0.0)
-    scheme = Scheme('minimum_acceleration', 0.0)
-    return difference(law, scheme, SIMULATION_T, runs.task, runs.model)
-
-
 _LEAST_VELOCITY = _RobotRun('2', 'minimum_velocity', seed=1)
 _LEAST_ACCELERATION = _RobotRun('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, seed=2)
 _CONSISTENT = _RobotRun('35', 'dynamically_consistent', 1.0 / _EXPERIMENT_T, seed=6)
@@ -144,6 +138,7 @@ MOTIONS: dict[Any, _Simulation | _RobotRun] = {
     'simulated_23': _Simulation('23', 'minimum_acceleration', _DAMPING),
     'simulated_22': _Simulation('22', 'minimum_acceleration', _DAMPING, is_scheme=True),
     'simulated_15': _Simulation('15', 'minimum_acceleration', 0.0),
+    'simulated_16': _Simulation('16', 'minimum_acceleration', 0.0, is_scheme=True),
     'simulated_35': _Simulation('35', 'dynamically_consistent', 1.0 / SIMULATION_T),
     'simulated_29': _Simulation('29', 'dynamically_consistent', 1.0 / SIMULATION_T, is_scheme=True),
     # At the sampling time of the experiments, by an arm that nothing stops:
@@ -164,5 +159,3 @@ MOTIONS: dict[Any, _Simulation | _RobotRun] = {
     'measured_29': replace(_CONSISTENT, equation='29', is_scheme=True, is_reversed=True, seed=8),
     **TWO_ROUNDS,
 }
-
-RUNS: dict[Any, Callable[[Runs], Any]] = {'difference_15': _undamped_difference, **MOTIONS}
