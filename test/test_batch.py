@@ -126,7 +126,6 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
         ({'task': 'nowhere'}, 'nowhere'),
         ({'seed': -1}, 'seed is -1'),
         ({'gains': {'dampnig': 1.0}}, 'dampnig'),
-        ({'plugins': ['mine.py']}, r'plugin mine\.py.*only with batch\(\.\.\., plugins=True\)'),
     ],
 )
 def test_a_wrong_case_is_refused_before_any_other_runs(fields, words, monkeypatch):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.options import (
     DEMO_LIMITS,
+    NONE,
     add_command,
     add_motion,
     check_range,
@@ -82,8 +83,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
     motion = find_motion(options, [options.law])
     motion.law(options.law).check_damping(options.period)
-    parameters = node_parameters(motion)
-    page = {'patience': START_PATIENCE, 'plugins': parameters['plugins']}
+    plugins = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
+    parameters = {**node_parameters(motion), 'plugins': plugins}
+    page = {'patience': START_PATIENCE, 'plugins': plugins}
     check_writable(*(options.out / name for name in _FILES))
     motion.controller()
     return Demo(

@@ -1,7 +1,6 @@
 """The motion that the options describe: the task, the arm, and what the controller is to do."""
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -91,7 +90,6 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
         tip_frame=options.tip,
         elbow_frame=options.elbow,
         dynamics=options.dynamics,
-        plugins=tuple(options.plugin or ()),
     )
     _check_scales(case)
     gains = _checked_gains(case, laws)
@@ -119,7 +117,6 @@ def node_parameters(motion: NamedMotion) -> dict[str, Any]:
         **{name: getattr(case, name) for name in _SAME},
         **lists,
         'damping': motion.law(case.law).damping,
-        'plugins': tuple(map(os.path.abspath, case.plugins)) or (NONE,),
         'rate': 1.0 / case.T,
         'robot': motion.task.robot,
         'task': motion.name,

@@ -232,12 +232,6 @@ class LiveArm:
             self._samples.remove(_STATES)  # each would cost the robot a message
         return figures
 
-    def fractions(self) -> np.ndarray:
-        """Position of each joint in its range, 0 to 1, (n,)."""
-        model = self.model
-        fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
-        return fractions
-
     def _look_at_states(self) -> None:
         self._samples.add(_STATES, JointState, NEWEST)
         state = self._samples.newest(_STATES)

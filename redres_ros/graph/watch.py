@@ -2,10 +2,11 @@
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import Any, NamedTuple
 
+import numpy as np
 import rclpy
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -19,16 +20,14 @@ from redres_ros.command import VALUES
 from redres_ros.errors import RedresError
 from redres_ros.graph.monitor import GraphMonitor, LiveArm, NodeHealth
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SESSION, TASK_STATE
-from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _REFRESH = 5.0  # [Hz]
 _PRINT_EVERY = 1.0  # [s]
-_BAR = 33  # letters of a joint's bar
-_NEAR = 0.06  # of the range, from an end
 _STYLES = {True: 'green', False: 'yellow', None: 'dim'}
 
 _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
+_JOINTS = 'joint_states'
 _SEGMENT = 'planner/segment'
 _ERROR = 'planner/task_error'
 _FOLLOWED = {ACTIVE_LIMITS: String, PROGRESS: Float64, _SEGMENT: Int32, _ERROR: Float64}
@@ -57,6 +56,7 @@ _ROWS: dict[str, tuple[_Row, ...]] = {
     ),
     'controller': (
         _Row(_LAW, 'law'),
+        _Row(_JOINTS, 'joint positions', '°'),
         _Row(_TIP, 'tip', 'm'),
         _Row('controller/task_scaling', 'task scaling s', '%', 100.0),
         _Row(ACTIVE_LIMITS, 'limited by'),
@@ -67,15 +67,6 @@ _ROWS: dict[str, tuple[_Row, ...]] = {
         _Row('controller/min_singular_value', 'smallest singular value'),
     ),
 }
-
-
-class _JointBar(NamedTuple):
-    """A joint: where it is in its range, 0 to 1, and in [rad]; the limit that acts on it."""
-
-    name: str
-    fraction: float
-    position: float
-    limit: str
 
 
 class Watch(GraphMonitor):
@@ -103,15 +94,7 @@ class Watch(GraphMonitor):
                 shows(self._page())
 
     def _page(self) -> RenderableType:
-        domain = self.context.get_domain_id()
-        joints = []
-        if self._arm is not None:
-            place, limit = self.limit()
-            names = self._arm.model.joint_names
-            limits = [limit if name == place else '' for name in names]
-            columns = (names, self._arm.fractions().tolist(), self._arm.q.tolist(), limits)
-            joints = list(map(_JointBar, *columns))
-        return _page(dict(self.values), self.health(), domain, joints)
+        return _page(dict(self.values), self.health(), self.context.get_domain_id())
 
     def _look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
@@ -131,7 +114,9 @@ class Watch(GraphMonitor):
                 for name in VALUES:
                     self.keep(f'controller/{name}', getattr(figures, name))
             if self._arm.q is not before:  # measured anew, if not by the controller
-                self.keep(_TIP, tuple(self._arm.model.tip(self._arm.q)[0].tolist()))
+                x, _ = self._arm.model.tip(self._arm.q)
+                self.keep(_TIP, '  '.join(f'{value:+.4f}' for value in x))
+                self.keep(_JOINTS, ' '.join(f'{angle:+.1f}' for angle in np.degrees(self._arm.q)))
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         if node == 'controller' and 'law' in values:
@@ -139,10 +124,7 @@ class Watch(GraphMonitor):
 
 
 def _page(
-    values: Mapping[str, Any],
-    health: Mapping[str, NodeHealth],
-    domain: int,
-    joints: Sequence[_JointBar] = (),
+    values: Mapping[str, Any], health: Mapping[str, NodeHealth], domain: int
 ) -> RenderableType:
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
     if not values:
@@ -156,14 +138,7 @@ def _page(
         stop = f'The robot has stopped: {values[REASON]}\nThe service sim/reset clears it.'
         parts.append(Panel(Text(stop), style='bold red', expand=False))
     parts += [_node_panel(values, node, health[node]) for node in _ROWS]
-    if joints:
-        parts.append(_joint_panel(joints))
     return Group(*parts)
-
-
-def is_near_an_end(fraction: float) -> bool:
-    """Whether a joint at this fraction of its range, 0 to 1, is near its limits."""
-    return min(fraction, 1.0 - fraction) < _NEAR
 
 
 def _node_panel(values: Mapping[str, Any], node: str, health: NodeHealth) -> Panel:
@@ -178,30 +153,7 @@ def _node_panel(values: Mapping[str, Any], node: str, health: NodeHealth) -> Pan
     return Panel(table, title=title, title_align='left', box=box.ROUNDED, style=style)
 
 
-def _joint_panel(joints: Sequence[_JointBar]) -> Panel:
-    table = Table(box=None, show_header=False, pad_edge=False)
-    for joint in joints:
-        tag = Text(f' {joint.limit} ') if joint.limit else Text()
-        tag.stylize(f'white on {LIMIT_COLOURS.get(joint.limit, OTHER_LIMIT)}')
-        degrees = f'{math.degrees(joint.position):+7.1f}°'
-        table.add_row(joint.name, degrees, _bar(joint.fraction), tag)
-    title = Text('joints in their ranges, and the limit that acts')
-    return Panel(table, title=title, title_align='left', box=box.ROUNDED)
-
-
-def _bar(fraction: float) -> Text:
-    place = round(min(max(fraction, 0.0), 1.0) * (_BAR - 1))
-    colour = 'red' if is_near_an_end(fraction) else 'cyan'
-    bar = Text(place * '─', style='dim')
-    bar.append('●', style=f'not dim bold {colour}')
-    return bar.append((_BAR - 1 - place) * '─')
-
-
 def _words(value: object, row: _Row) -> str:
-    if isinstance(value, tuple):
-        shown = '  '.join(f'{member:+.4f}' for member in value)
-    elif isinstance(value, float):
-        shown = f'{value * row.factor:.4g}'
-    else:
-        shown = str(value) or 'none'
-    return f'{shown} {row.unit}'.rstrip()
+    if isinstance(value, float):
+        value = f'{value * row.factor:.4g}'
+    return f'{str(value) or "none"} {row.unit}'.rstrip()

@@ -16,7 +16,6 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, reason_of
-from redres_ros.files.plugins import load_plugins
 from redres_ros.files.processes import end_with_parent
 from redres_ros.parameter import as_tuple, check_parameters, param
 from redres_ros.planning.waypoints import WaypointTask, load_task
@@ -57,11 +56,10 @@ class Case:
     tip_frame: str = ''  # empty: the arm's own
     elbow_frame: str = ''  # empty: the arm's own
     dynamics: str = 'identified'
-    plugins: tuple[str, ...] = ()  # Python files with laws and others; workers load them, too
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        for name in ('limits', 'preferences', 'secondary_tasks', 'plugins'):
+        for name in ('limits', 'preferences', 'secondary_tasks'):
             object.__setattr__(self, name, as_tuple(getattr(self, name)))
 
 
@@ -95,9 +93,7 @@ class _Job(NamedTuple):
     task: WaypointTask | None
 
 
-def batch(
-    cases: Iterable[Case], executor: Executor | None = None, *, plugins: bool = False
-) -> Iterator[Result]:
+def batch(cases: Iterable[Case], executor: Executor | None = None) -> Iterator[Result]:
     """The results of many motions, as they finish.
 
     A case that fails has its reason in its result, and the others go on. Close the iterator, or
@@ -106,13 +102,12 @@ def batch(
     Args:
         executor: Any executor of concurrent.futures, such as Dask's `client.get_executor()` or
             MPI's pool; None: one process for each processor.
-        plugins: Whether cases may name plugins, which are executed.
 
     Raises:
         RedresError: A case that no worker could run, before any of them runs; an executor that
             takes no cases.
     """
-    jobs = list(_checked_jobs(cases, plugins))
+    jobs = list(_checked_jobs(cases))
     with nullcontext(executor) if executor else _processes(len(jobs)) as pool:
         try:
             running = {pool.submit(_work, job): job.case for job in jobs}
@@ -163,15 +158,10 @@ def make_controller(
     )
 
 
-def _checked_jobs(cases: Iterable[Case], plugins: bool) -> Iterator[_Job]:
+def _checked_jobs(cases: Iterable[Case]) -> Iterator[_Job]:
     """Jobs of cases; raises RedresError for one that cannot be run."""
     checked: dict[str, tuple[Arm, WaypointTask | None]] = {}  # of cases that differ in seeds alone
     for case in cases:
-        if case.plugins and not plugins:
-            raise RedresError(
-                f'a case has the plugin {case.plugins[0]}, which would be executed; allowed only '
-                'with batch(..., plugins=True)'
-            )
         kind = repr(replace(case, seed=0))
         if kind not in checked:
             checked[kind] = _arm_and_task(case)
@@ -180,7 +170,6 @@ def _checked_jobs(cases: Iterable[Case], plugins: bool) -> Iterator[_Job]:
 
 def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
     """The arm with the text of its URDF, and a task that is not random. Raises RedresError."""
-    load_plugins(case.plugins)
     arm = choose_arm(case.robot, case.tip_frame, case.elbow_frame)
     arm = replace(arm, dynamics=case.dynamics)
     model = RobotModel(arm)
@@ -195,7 +184,6 @@ def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
 def _work(job: _Job) -> Result:
     """The result of a job; runs in a worker."""
     case, arm, task = job
-    load_plugins(case.plugins)
     try:
         model = RobotModel(arm)
         task = task or make_random_task(case.task, model, case.robot, case.seed)

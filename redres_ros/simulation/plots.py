@@ -37,7 +37,6 @@ _BESIDE_PATHS = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocit
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 _HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
 _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not set the scale
-_GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _MOST_POINTS = 2000  # of a curve
 _LINE_STYLES = ('-', '--', ':', '-.')  # of several motions
@@ -168,8 +167,7 @@ def draw_norm(
 
     What the robot stopped may be far beyond the rest: it does not set the scale, but is labelled.
     """
-    t, values = _curve(recording, norm)
-    ax.plot(t, values, color=law_colour(law), lw=1.2, label='this run')
+    ax.plot(recording['t'], recording[norm], color=law_colour(law), lw=1.2, label='this run')
     ax.set_ylabel(NORMS[norm], fontsize='small')
     peak, at = recording.peak(norm)
     top = peak
@@ -189,18 +187,10 @@ def _draw_errors(ax: Axes, recording: Recording) -> None:
         ('task_error', 'black', 'position [mm]'),
         ('orientation_error', 'tab:orange', 'orientation [mrad]'),
     ):
-        t, error = _curve(recording, column)
-        ax.plot(t, 1e3 * error, color=color, lw=1.2, label=name)
+        ax.plot(recording['t'], 1e3 * recording[column], color=color, lw=1.2, label=name)
     ax.set_ylabel('error', fontsize='small')
     ax.set_ylim(bottom=0.0)
     ax.legend(fontsize='x-small', loc='upper right')
-
-
-def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values, with a NaN wherever nothing was recorded for a while."""
-    t = recording['t']
-    breaks = np.flatnonzero(np.diff(t) > _GAP) + 1
-    return np.insert(t, breaks, np.nan), np.insert(recording[norm], breaks, np.nan)
 
 
 # --- paths ----------------------------------------------------------------------------------------

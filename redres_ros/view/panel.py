@@ -8,7 +8,6 @@ import viser
 from viser import uplot
 
 from redres_ros.graph.monitor import NodeHealth
-from redres_ros.graph.watch import is_near_an_end
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
@@ -22,6 +21,7 @@ _DIM = 'color: #777;'
 _CURVE = '#0072b2'
 _TAG = 'color: white; border-radius: 3px; padding: 0 4px; font-size: 10px;'
 _LONGEST = 400  # letters
+_NEAR = 0.06  # of a joint's range, from an end
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 
 
@@ -71,7 +71,7 @@ def joint_bars(names: Sequence[str], fractions: np.ndarray, place: str, limit: s
 
 
 def _bar(fraction: float) -> str:
-    colour = '#d62728' if is_near_an_end(fraction) else '#1f77b4'
+    colour = '#d62728' if min(fraction, 1.0 - fraction) < _NEAR else '#1f77b4'
     return (
         f'<input type="range" inert min="0" max="1" step="any" value="{fraction:.3f}" '
         f'style="width: 100%; height: 12px; accent-color: {colour};">'
