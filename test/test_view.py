@@ -281,7 +281,7 @@ def test_samples_wait_in_their_order_until_they_are_taken() -> None:
         await_that(lambda: taken.extend(sampler.take('numbers')) or len(taken) == 50, 'samples')
         expected = [serialize_message(Int32(data=number)) for number in range(50)]
         assert [sample.data for sample in taken] == expected
-        assert all(0 < sample.sent <= sample.received for sample in taken)
+        assert all(sample.sent > 0 for sample in taken)
         assert sampler.newest('numbers') is None
         sampler.close()
 
