@@ -107,7 +107,7 @@ def plot(
     for motion in motions:
         t = motion.recording['t']
         ax.plot(t, motion.recording[norm], color=colour or law_colour(motion.law), lw=1.6)
-    ax.set_title(AXES[norm].title, fontsize=8.5, loc='left')
+    ax.set_title(AXES[norm][0], fontsize=8.5, loc='left')
     ax.set_xlabel('time [s]', fontsize=8)
     ax.set(xlim=(0.0, end), ylim=(0.0, None))
     ax.tick_params(labelsize=7.5)

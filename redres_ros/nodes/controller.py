@@ -16,7 +16,7 @@ from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
-from redres_ros.files.plugins import load_plugin
+from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
@@ -89,8 +89,7 @@ class ControllerNode(ManagedNode):
         super().__init__('controller')
         robot, arm = declare_robot(self)
         settings = declare(self, _ControllerParameters())
-        for file in named(settings.plugins):
-            load_plugin(file)
+        load_plugins(named(settings.plugins))
         model = RobotModel(arm)
         T = 1.0 / settings.rate
         self._policy = PolicyParameters(self, model, settings.task_space, T)

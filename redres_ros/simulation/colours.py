@@ -1,27 +1,17 @@
 """One colour for each law and one axis for each figure, in plots and on the live page."""
 
-from typing import NamedTuple
-
-
-class FigureAxis(NamedTuple):
-    """The vertical axis of a figure: its title, and how far it reaches at least."""
-
-    title: str
-    least: float
-
-
-# Of the live page, by the names of columns.
+# Titles of the live page's axes by the names of columns, and how far each reaches at least.
 AXES = {
-    'joint_velocity_norm': FigureAxis('joint velocity, norm [rad/s]', 1.0),
-    'joint_acceleration_norm': FigureAxis('joint acceleration, norm [rad/s²]', 10.0),
-    'null_velocity_norm': FigureAxis('null-space velocity, norm [rad/s]', 1.0),
-    'joint_torque_norm': FigureAxis('joint torque, norm [Nm]', 50.0),
-    'task_scaling': FigureAxis('task scaling s', 1.1),
-    'min_singular_value': FigureAxis('smallest singular value', 0.5),
-    'task_error': FigureAxis('distance from the goal [m]', 0.1),
+    'joint_velocity_norm': ('joint velocity, norm [rad/s]', 1.0),
+    'joint_acceleration_norm': ('joint acceleration, norm [rad/s²]', 10.0),
+    'null_velocity_norm': ('null-space velocity, norm [rad/s]', 1.0),
+    'joint_torque_norm': ('joint torque, norm [Nm]', 50.0),
+    'task_scaling': ('task scaling s', 1.1),
+    'min_singular_value': ('smallest singular value', 0.5),
+    'task_error': ('distance from the goal [m]', 0.1),
 }
 
-LIMIT_COLOURS = {  # of limits that act, on the pages of `redres watch` and `redres view`
+LIMIT_COLOURS = {  # of limits that act, on the live page
     'position': '#d62728',
     'velocity': '#ff7f0e',
     'acceleration': '#9467bd',

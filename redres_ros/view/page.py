@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from redres_ros.files.plugins import load_plugin
+from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
 from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
@@ -110,9 +110,7 @@ class _Page:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
         progress = self._monitor.progress()
         self._state.content = state_text(newest, self._monitor.health(), progress)
-        model = self._arm.model
-        fractions = (self._arm.q - model.q_min) / (model.q_max - model.q_min)
-        self._bars.content = joint_bars(model.joint_names, fractions, *self._monitor.limit())
+        self._bars.content = joint_bars(self._arm.model, self._arm.q, *self._monitor.limit())
         for name, path in self._paths.items():
             self._scene.trace(name, np.array(path))
         if len(self._figures) > 1:
@@ -150,8 +148,7 @@ class _ViewNode(GraphMonitor):
         super().__init__('view')
         self._settings = declare(self, _ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
-        for file in named(self._settings.plugins):
-            load_plugin(file)
+        load_plugins(named(self._settings.plugins))
 
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait for the graph, and serve the page until the event is set.

@@ -11,9 +11,10 @@ from redres_ros.graph.monitor import NodeHealth
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
+from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import AXES, LIMIT_COLOURS, OTHER_LIMIT
+from redres_ros.types import JointPositions
 
-_FIGURES = Figures._fields[1:]  # all but the time
 _HEIGHT = 92  # [pixels] of a plot
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
@@ -49,11 +50,10 @@ def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progr
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
-def joint_bars(names: Sequence[str], fractions: np.ndarray, place: str, limit: str) -> str:
-    """A bar for each joint as HTML, with the limit that acts on it or on a pair of bodies. The
-    fractions (n,) are of the joints' ranges, 0 to 1.
-    """
-    bars = dict(zip(names, map(_bar, fractions.tolist()), strict=True))
+def joint_bars(model: RobotModel, q: JointPositions, place: str, limit: str) -> str:
+    """A bar for each joint in its range as HTML, with the limit on it or on two bodies."""
+    fractions = (q - model.q_min) / (model.q_max - model.q_min)
+    bars = dict(zip(model.joint_names, map(_bar, fractions.tolist()), strict=True))
     if place not in ('', *bars):
         bars[place] = ''
     tag = (
@@ -92,14 +92,15 @@ class Plots:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._handles = {}
-        for figure in _FIGURES:
+        for figure in Figures._fields[1:]:  # all but the time
+            title, least = AXES[figure]
             # Axes begin at zero and show at least so much.
-            top = {'pad': 0.05, 'soft': AXES[figure].least, 'mode': 1}
+            top = {'pad': 0.05, 'soft': least, 'mode': 1}
             bottom = {'hard': 0.0, 'soft': 0.0, 'mode': 1}
             self._handles[figure] = gui.add_uplot(
                 (np.zeros(2), np.zeros(2)),
                 ({'label': 't'}, {'label': figure, 'stroke': _CURVE, 'width': 1.5}),
-                title=AXES[figure].title,
+                title=title,
                 scales={
                     'x': uplot.Scale(time=False),
                     'y': uplot.Scale(range={'min': bottom, 'max': top}),
