@@ -19,7 +19,7 @@ from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, adva
 from redres_ros.preferences import Preference
 from redres_ros.preview import Preview
 from redres_ros.resolution import Solution
-from redres_ros.robot_model import RobotModel, RobotState, TickContext
+from redres_ros.robot_model import Correction, RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
 from redres_ros.types import (
     FLOAT64,
@@ -302,7 +302,7 @@ class Controller:
         q: JointPositions,
         dx: TaskVelocity,
         missed: Cycles = 0,
-        correction: TaskVelocity | None = None,
+        correction: Correction | None = None,
         ahead: Preview | None = None,
     ) -> Command:
         """The command for one state, which counts as published.
@@ -311,7 +311,7 @@ class Controller:
             q: Measured.
             missed: Cycles since the last update that went without one; the robot has bridged them.
             correction: The part of dx that only holds what nobody asks to move. With scaling by
-                components it yields to the rest.
+                components it yields where the rest could not go on.
             ahead: The tip's path from this tick on, for a law with a horizon. It decides the motion
                 in the null space alone. An old one, or one that begins elsewhere, counts as none.
 
@@ -328,7 +328,7 @@ class Controller:
         q: JointPositions,
         dx: TaskVelocity,
         missed: Cycles = 0,
-        correction: TaskVelocity | None = None,
+        correction: Correction | None = None,
         ahead: Preview | None = None,
     ) -> Plan:
         """The next reference, for commit(); arguments as of update().
@@ -347,7 +347,7 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
         tick = self._tick
         if correction is not None:
-            tick = replace(tick, correction=as_vector(correction, self.m, 'correction'))
+            tick = replace(tick, correction=correction)
         if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
             tick = replace(tick, ahead=ahead.of_rows(self.m), elapsed=(missed + 1) * self.T)
         base = self.published or Published.at_rest(q)

@@ -129,7 +129,7 @@ class Policy:
         levels = [level]
         for J, _ in free.levels[1:]:
             levels.append((J, J.dot(free.dq)))
-        solved, active = bounds.nearest(free.dq, free.W, levels, components)
+        solved, active = bounds.nearest(free.dq, free.W, levels, components, free.scale)
         return Solution(
             solved.dq,
             free.J,
@@ -415,4 +415,4 @@ def _mixed(old: TaskVelocity | None, new: TaskVelocity | None, c: float) -> Task
 def _asked(dx: TaskVelocity, state: RobotState) -> TaskVelocity:
     """dx without what only holds a component that nobody asks to move."""
     correction = state.tick.correction
-    return dx if correction is None else np.where(correction, 0.0, dx)
+    return dx if correction is None else np.where(correction.is_held, 0.0, dx)

@@ -5,7 +5,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -45,6 +45,14 @@ _CROSS = np.array(
 )
 
 
+class Correction(NamedTuple):
+    """What holds the components of a task velocity that nobody asks to move."""
+
+    velocity: TaskVelocity  # of their rows, which is a part of dx
+    is_held: np.ndarray  # (m,) of bool
+    away: TaskVelocity  # with which each row may leave what is held
+
+
 @dataclass(frozen=True)
 class TickContext:
     """What a tick needs besides the state of the arm."""
@@ -52,7 +60,7 @@ class TickContext:
     measurements: Mapping[str, np.ndarray] = field(default_factory=dict)  # fresh ones, by name
     gap: Cycles = 1  # between two commands, in which every joint must be able to stop
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
-    correction: TaskVelocity | None = None  # the part of dx that only holds what must not move
+    correction: Correction | None = None
     lost: Cycles = 0  # commands that the robot may lose and bridge at constant acceleration
     ahead: Preview | None = None  # the path to come of the first task, if it has one
     elapsed: Seconds = 0.0  # since the last command

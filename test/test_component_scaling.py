@@ -12,15 +12,24 @@ from redres_ros import Controller, RobotModel
 from redres_ros.errors import UnknownNameError
 from redres_ros.geometry import rotation_matrix
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
+from redres_ros.limits.component_scaling import (
+    DIRECTION_TOLERANCE,
+    SPREAD,
+    Correction,
+    Yielding,
+    solve_components,
+    split_components,
+)
 from redres_ros.resolution import resolve
-from redres_ros.solver import Box, Constrained, solve_constrained
+from redres_ros.solver import Constrained, solve_constrained
 
 MANY = 20_000 if NIGHTLY else 150
 SIZES = (3, 3)
 BOX = ('position', 'velocity', 'acceleration')
 T = 0.002  # [s]
 ANY = np.full(7, -100.0), np.full(7, 100.0)  # a box in which nothing is locked
+AWAY = 0.1
+RIGID = Yielding()
 
 FR3 = RobotModel.named('fr3')
 # Postures of it [rad]
@@ -53,118 +62,126 @@ class Problem:
         self.W = weight(power, 7, random)
         self.dq_free = resolve(self.J, self.dx, random.normal(size=7), self.W)
 
-    def solved(self, steady_box: Box = ANY) -> Constrained:
+    def solved(self, yielding: Yielding = RIGID) -> Constrained:
         tasks = [(self.J, self.dx)]
-        active_set = np.zeros(8, np.int64)
-        return solve_components(
-            *(self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held),
-            *(steady_box, np.zeros(7)),
+        is_held = np.repeat(self.held, 3)
+        correction = Correction(self.dx * is_held, is_held, np.full(6, AWAY))
+        components = split_components(tasks[0], SIZES, correction)
+        solved, _, _ = solve_components(
+            *(self.dq_free, self.W, tasks, self.box, [], np.zeros(8, np.int64)),
+            *(components, ANY, np.zeros(7), yielding),
         )
+        return solved
 
-    def components(self):
-        """(J, dx, held) of each."""
-        return zip(np.split(self.J, 2), np.split(self.dx, 2), self.held, strict=True)
+    @property
+    def leading(self) -> int:
+        """The component that is asked for, or the larger one."""
+        if any(self.held):
+            return self.held.index(False)
+        return int(np.linalg.norm(self.dx[3:]) > np.linalg.norm(self.dx[:3]))
 
-    def cones(self, dq: np.ndarray) -> np.ndarray:
-        """|across| / along of each component that is asked for."""
-        ratios = []
-        for J, dx, held in self.components():
-            if not held:
-                along = J @ dq @ dx / np.linalg.norm(dx)
-                across = np.linalg.norm(J @ dq - along * dx / np.linalg.norm(dx))
-                ratios.append(across / max(along, 1e-7))
-        return np.array(ratios)
+    @property
+    def parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """J and dx of the leading component, and of the other one."""
+        lead = slice(3 * self.leading, 3 * self.leading + 3)
+        other = slice(3 - lead.start, 6 - lead.start)
+        return self.J[lead], self.dx[lead], self.J[other], self.dx[other]
+
+    @property
+    def least(self) -> float:
+        """The factor that no component may fall below."""
+        if any(self.held):
+            return 0.0
+        return solve_constrained(self.dq_free, self.W, [(self.J, self.dx)], self.box).s
 
 
-def pyramids(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Rows C dq <= 0 that keep the directions, and the rows across them, by other means."""
-    rows = []
-    across = []
-    for J, dx, held in problem.components():
-        if held:
-            across.append(J)
-            continue
-        d = dx / np.linalg.norm(dx)
-        U = np.linalg.qr(np.column_stack((d, np.eye(3))))[0][:, 1:].T
-        slope = np.tan(DIRECTION_TOLERANCE) / np.sqrt(2.0)
-        rows += [(sign * u - slope * d) @ J for u in U for sign in (1.0, -1.0)]
-        across.append(U @ J)
-    return np.array(rows), np.concatenate(across)
+def pyramid(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """By other means: rows C dq <= 0 that keep the direction of the leading component, rows across
+    it, and along it, where 1 is all.
+    """
+    J, dx, _, _ = problem.parts
+    d = dx / np.linalg.norm(dx)
+    h = d.copy()
+    h[0] += np.copysign(
+        1.0, d[0]
+    )  # the pyramid's edges are where a Householder reflection has them
+    across = (np.eye(3) - 2.0 * np.outer(h, h) / h.dot(h))[1:]
+    slope = np.tan(DIRECTION_TOLERANCE) / np.sqrt(2.0)
+    C = np.array([sign * u - slope * d for u in across for sign in (1.0, -1.0)])
+    return C @ J, across @ J, d @ J / np.linalg.norm(dx)
+
+
+def largest(row, C, high, equal, bounds) -> float:
+    """The largest value of row x under C x <= high, equal x = 0; NaN where there is none."""
+    zeros = None if equal is None else np.zeros(len(equal))
+    found = linprog(-row, C, high, equal, zeros, bounds=bounds, options=PRECISE)
+    return -found.fun if found.status == 0 else np.nan
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('held', [None, 0, 1])
-def test_no_other_velocity_within_the_cones_goes_further_along(held):
-    """At the least of a convex function its gradient's linear programme has its optimum.
-
-    Of two components that are asked for, neither can have more without less of the other.
-    """
+def test_the_other_component_comes_first_then_the_leading_one_and_then_its_factor(held):
+    """Two linear programmes, of dq and beta, one after the other."""
+    judged = 0
     for seed in range(MANY):
         problem = Problem(seed, None, held)
         solved = problem.solved()
-        if held is None:
-            s = solve_constrained(
-                problem.dq_free, problem.W, [(problem.J, problem.dx)], problem.box
-            ).s
-            assert solved.s == s
-            assert min(solved.component_scaling) >= s - EXACT, seed
-        gradient = np.zeros(7)
-        asked = 0.0
-        for (J, dx, is_held), a in zip(problem.components(), solved.component_scaling, strict=True):
-            if not is_held:
-                gradient += (1.0 - a) * J.T @ dx
-                asked += (1.0 - a) * dx @ dx
-        if not asked:
+        if held is None and solved.s == 1.0:
             continue
-        C, _ = pyramids(problem)
-        bounds = [*zip(*problem.box, strict=True)]
-        along = [(J.T @ dx, dx @ dx) for J, dx, is_held in problem.components() if not is_held]
-        rows = np.vstack((C, [row for row, _ in along], [-row for row, _ in along]))
-        least = solved.component_scaling if held is None else (0.0,)
-        ends = [
-            *np.zeros(len(C)),
-            *(size for _, size in along),
-            *(-(a - EXACT) * size for a, (_, size) in zip(least, along, strict=True)),
-        ]
-        found = linprog(-gradient, A_ub=rows, b_ub=ends, bounds=bounds, options=PRECISE)
-        if found.status == 0:
-            assert -found.fun <= gradient @ solved.dq + 1e-6 * asked, seed
+        _, _, J, c = problem.parts
+        C, _, along = pyramid(problem)
+        least = max(problem.least - EXACT, 0.0)
+        equal = np.column_stack((J, -c))
+        rows = np.column_stack((np.vstack((C, along, -along)), np.zeros(6)))
+        high = np.array((0.0, 0.0, 0.0, 0.0, 1.0, -least))
+        bounds = [*zip(*problem.box, strict=True), (least, 1.0)]
+        dq = solved.dq
+        beta = J @ dq @ c / (c @ c)
+        np.testing.assert_allclose(J @ dq, beta * c, atol=1e-8, err_msg=str(seed))
+        a = largest(np.append(along, 0.0), rows, high, equal, bounds)
+        assert abs(along @ dq - a) < 1e-6 or np.isnan(a), seed
+        high[-1] = EXACT - a
+        assert beta > largest(np.eye(8)[7], rows, high, equal, bounds) - 1e-5 or np.isnan(a), seed
+        judged += np.isfinite(a)
+    assert judged > MANY / 3
 
 
 @WEIGHTS
 @pytest.mark.parametrize('held', [None, 1])
-def test_the_box_and_the_directions_are_kept_and_what_goes_across_is_the_least(held, power):
+def test_the_box_and_the_direction_are_kept_and_what_goes_across_is_the_least(held, power):
     for seed in range(MANY // 2):
         problem = Problem(seed, power, held)
         dq = problem.solved().dq
         lower, upper = problem.box
         assert (lower <= dq).all() and (dq <= upper).all(), seed
-        assert (problem.cones(dq) <= np.tan(DIRECTION_TOLERANCE) + 1e-6).all(), seed
-        C, across = pyramids(problem)
-        wanted = np.zeros(len(across))
-        if held is not None:
-            wanted[-3:] = problem.dx[-3:]
-        along = [J.T @ dx for J, dx, is_held in problem.components() if not is_held]
+        C, across, along = pyramid(problem)
+        assert (C @ dq <= 1e-7).all(), seed
         active = np.vstack((active_rows(dq, problem.box), C[np.abs(C @ dq) < 1e-9]))
-        gradient = across.T @ (across @ dq - wanted)
-        assert unexplained(gradient, np.array(along), active) < 1e3 * EXACT, seed
+        settled = np.vstack((along, problem.parts[2]))
+        assert unexplained(across.T @ (across @ dq), settled, active) < 1e3 * EXACT, seed
 
 
-def test_components_that_lock_each_other_give_way_to_the_one_that_can_go_on():
+@pytest.mark.slow
+def test_what_gives_way_keeps_its_bounds():
+    for seed in range(MANY):
+        problem = Problem(seed, None, 1)
+        dq = problem.solved(Yielding(weight=1.0)).dq
+        _, _, J, c = problem.parts
+        lower, upper = problem.box
+        assert (lower <= dq).all() and (dq <= upper).all(), seed
+        assert np.linalg.norm(J @ dq - c) <= SPREAD + 1e-7, seed
+        assert -c @ J @ dq <= AWAY * np.linalg.norm(c) + 1e-7, seed
+
+
+def test_components_that_lock_each_other_give_way_to_the_larger_one():
     """With two joints at rest five are left, of which six rows in fixed directions ask too much."""
     unlocked = 0
     for seed in range(MANY):
         problem = Problem(seed)
-        locked = problem.solved()
-        if max(locked.component_scaling) > 1e-6:
-            continue
-        solved = problem.solved(problem.box)
-        lower, upper = problem.box
-        assert (lower <= solved.dq).all() and (solved.dq <= upper).all(), seed
-        if max(solved.component_scaling) > 0.2:
-            unlocked += 1
-            first = int(np.argmax(solved.component_scaling))
-            assert problem.cones(solved.dq)[first] <= np.tan(DIRECTION_TOLERANCE) + 1e-6, seed
+        first = problem.leading
+        if problem.solved().component_scaling[first] < 1e-6:
+            solved = problem.solved(Yielding(weight=1.0))
+            unlocked += solved.component_scaling[first] > 0.05
     assert unlocked > MANY / 30
 
 

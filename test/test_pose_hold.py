@@ -8,6 +8,7 @@ import pytest
 from redres_ros import Controller, RobotModel
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.loop.modes import Mode
 from redres_ros.nodes.robot_parameters import END_OF_REACH
 
 T = 0.002  # [s]
@@ -122,9 +123,9 @@ def test_a_position_that_could_not_be_held_comes_back_when_the_turn_is_reversed(
     """In between the velocity is zero."""
     arm = stretched()
     x, _ = arm.model.tip(arm.q)
-    arm.steer(1.5, tilting)
+    arm.steer(2.5, tilting)
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.02
-    arm.steer(3.0, lambda t: -tilting(t))
+    arm.steer(2.5, lambda t: -0.4 * tilting(t))
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) < 1e-3
 
 
@@ -137,3 +138,59 @@ def test_what_is_asked_for_again_begins_without_a_jump(limits):
     V = np.array([arm.controller.model.tip(q)[0] for q in references])
     acceleration = np.linalg.norm(np.diff(V, 2, axis=0), axis=1) / T**2
     assert acceleration.max() < 3.0  # [m/s^2]; 2 of the twist buffer
+
+
+def along(v: tuple[float, ...], *rotation: float) -> Velocity:
+    return lambda _: np.array((*v, *(rotation or (0.0, 0.0, 0.0))))
+
+
+OUT = (-0.264, -0.024, -0.141)  # [m/s], beyond where the orientation can be kept
+BACK = (0.132, 0.012, 0.0705)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_velocity'])
+def test_what_was_turned_comes_back_after_the_arm_has_been_held_and_the_law_changed(law):
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    arm.steer(2.0, along(OUT))
+    turned = arm.turned(R)
+    arm.steer(2.0, along((0.0, 0.0, 0.0)))
+    assert arm.loop.mode is Mode.HOLDING
+    arm.controller.switch_law(law)
+    assert np.radians(3.0) < turned < np.radians(26.0)
+    arm.steer(8.0, along(BACK))
+    assert arm.turned(R) < np.radians(0.5)
+
+
+@pytest.mark.slow
+def test_noise_of_the_joystick_does_not_count_as_asked():
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    random = np.random.default_rng(0)
+    arm.steer(8.0, lambda t: sideways(t) + 1e-4 * random.normal(size=6))
+    assert arm.turned(R) < np.radians(0.05)
+
+
+@pytest.mark.slow
+def test_after_a_smooth_pause_the_arm_goes_on_at_once():
+    """A filtered joystick never comes to exact zero; what is held has not come back."""
+    arm = Arm()
+    arm.steer(4.0, along(OUT))
+    begin = arm.cycle * T
+    arm.steer(8.0, lambda t: np.exp((begin - t) / 0.5) * along(OUT)(t))
+    assert arm.loop.mode is Mode.HOLDING
+    assert not arm.loop.error
+    x, _ = arm.model.tip(arm.q)
+    arm.steer(1.0, along(BACK))
+    assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.1
+
+
+@pytest.mark.slow
+def test_what_is_asked_for_is_held_where_it_is_left():
+    arm = Arm()
+    arm.steer(1.0, along((0.0, 0.0, 0.0), 0.0, 0.0, 0.3))
+    arm.steer(1.0, sideways)
+    _, R = arm.model.tip(arm.q)
+    arm.steer(4.0, sideways)
+    assert arm.turned(R) < np.radians(0.5)

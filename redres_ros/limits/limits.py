@@ -15,7 +15,11 @@ from redres_ros.kernels.boxes import (
     stopping_speed,
     within,
 )
-from redres_ros.limits.component_scaling import executed_fractions, solve_components
+from redres_ros.limits.component_scaling import (
+    Yielding,
+    solve_components,
+    split_components,
+)
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import check_once
@@ -58,18 +62,22 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
+        scale: np.ndarray | None = None,
     ) -> tuple[Constrained, Callable[[], str] | None]:
         """The velocity within the bounds that is best for the tasks, and then nearest to dq, the
         optimum without limits; and the name of the limit that resists hardest, None if none does.
 
         `components` has the number of rows of each component of the first task that gets a scaling
-        factor of its own; empty: one factor for all.
+        factor of its own; empty: one factor for all. Its rows are scaled by `scale`.
         """
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
-            held = _held(components, self.state.tick.correction)
-            steady_box = self._steady_box()
-            solved = solve_components(*problem, components, held, steady_box, self.state.dq_prev)
+            split = split_components(levels[0], components, self.state.tick.correction, scale)
+            limits = self.limits
+            solved, steady, executed = solve_components(
+                *problem, split, self._steady_box(), self.state.dq_prev, limits.yielding
+            )
+            limits.yielding = limits.yielding.after(steady, executed, self.T)
         else:
             solved = solve_constrained(*problem)
         if self.rows and not self._can_be_kept(solved.dq):
@@ -94,7 +102,8 @@ class Bounds:
             if self._can_be_kept(dq):
                 break
         _, dx = levels[0]
-        executed = executed_fractions(levels[0], components or (len(dx),), dq)
+        split = split_components(levels[0], components or (len(dx),), self.state.tick.correction)
+        executed = tuple(component.fraction(dq) for component in split)
         scaling = executed if components else ()
         return replace(solved, dq=dq, s=min(executed), component_scaling=scaling)
 
@@ -153,6 +162,7 @@ class Limits:
                 self.jerk = self._joints['J'].copy()
         self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
         self.active_set = np.zeros(model.n + 1, np.int64)  # of the last tick's search
+        self.yielding = Yielding()  # of components, after the last tick
 
     def __iter__(self) -> Iterator[Limit]:
         yield from self.joint_limits
@@ -172,6 +182,7 @@ class Limits:
         is_far = are_far(dq, state.q, state.dq_prev, T, self._joints, tick.gap, tick.longest_gap)
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
+            self.yielding = self.yielding.after(1.0, 1.0, T)
             return None
         if is_far:
             self._fill_boxes(dq, state, T)
@@ -234,10 +245,3 @@ class Limits:
 def _between(dq: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """dq where it lies between a and b, else the nearer of these two, (n,)."""
     return np.clip(dq, np.minimum(a, b), np.maximum(a, b))
-
-
-def _held(components: Sequence[int], correction: np.ndarray | None) -> list[bool]:
-    """Whether each component of a task velocity is only to hold it."""
-    if correction is None:
-        return [False] * len(components)
-    return [bool(part.any()) for part in np.split(correction, np.cumsum(components)[:-1])]

@@ -13,7 +13,13 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
-from redres_ros.loop.holding import ARRIVED, HeldReference, PoseHold, approach_velocity
+from redres_ros.loop.holding import (
+    ARRIVED,
+    NOTHING,
+    HeldReference,
+    PoseHold,
+    approach_velocity,
+)
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
 from redres_ros.loop.safety import FaultMonitor, SafetyFilter
@@ -30,8 +36,7 @@ from redres_ros.types import (
 
 _AT_REST = 1e-4  # [rad/s]
 _TWIST = 6  # rows of a task velocity that has components to hold
-_NOTHING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
-_NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
+_ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # A robot that holds executes the second alone of two responses that it gets in one cycle. A state
 # that comes so shortly after a response was sent was published before that arrived.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
@@ -249,6 +254,7 @@ class CommandLoop:
         self.faults.begin()
         self.input.buffer.clear()
         self._end_approach()
+        self._pose_hold.clear()
         if published and stays:
             controller.hold_at(published.q)
         else:
@@ -326,6 +332,7 @@ class CommandLoop:
         if self.mode is Mode.HOLDING and self._interface.forwards_commands and controller.published:
             seconds = (missed + 1) * controller.T
             if not self._held_reference.update(state.q, seconds):
+                self._pose_hold.clear()
                 return None  # others have moved the arm
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
@@ -369,6 +376,7 @@ class CommandLoop:
                 f'{place}, at rest'
             )
             self._end_approach()
+            self._pose_hold.clear()
             controller.hold_at(published.q if holds else state.q)
             self._held_reference.begin(state.q, followed=holds)
             self.mode = Mode.HOLDING
@@ -387,7 +395,7 @@ class CommandLoop:
             except RedresError as error:
                 faults.set(str(error))
                 measurements.restart()
-        asks = not stale and largest(dx) > _NO_TASK
+        asks = not stale and largest(dx) > NOTHING
         asks = asks or (self.mode is Mode.MOVING and measurements.asks)
         moves = self.mode in MOVING_MODES
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
@@ -412,7 +420,9 @@ class CommandLoop:
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
-        asked = allowed and largest(dx) > _NOTHING
+        # The source of other velocities closes a loop, to which the least of them matters.
+        is_steered = not (self.input.is_of_joints or self.input.is_of_state)
+        asked = allowed and largest(dx) > (NOTHING if is_steered else _ROUNDING)
         if (self._yields_alone or measurements.asks) and not blocked and not faults.reason:
             # An arm that only follows what is measured comes to rest after it by itself; one whose
             # velocity ends brakes first.
@@ -441,8 +451,9 @@ class CommandLoop:
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
-        if self.mode is Mode.MOVING:
             self._pose_hold.clear()
+        if self.mode is Mode.MOVING:
+            self._pose_hold.rest()
             if self.faults.is_away(state.q):
                 self._approach = state.q
                 controller.follow_joints(True)
@@ -470,6 +481,7 @@ class CommandLoop:
         measurements = self.measurements
         if self.mode not in MOVING_MODES:
             if self.mode is Mode.MIRRORING or controller.published is None:
+                self._pose_hold.clear()
                 controller.hold_at(q)
                 self._held_reference.begin(q)
             self.safety_filter.reason = ''
@@ -480,6 +492,7 @@ class CommandLoop:
             controller.hold()
             along = np.zeros(controller.m)
         elif self._approach is not None:
+            self._pose_hold.clear()
             along = approach_velocity(controller, self._approach)
         else:
             is_of_task = not self.input.is_of_joints
@@ -493,6 +506,8 @@ class CommandLoop:
             if len(dx) == _TWIST and is_of_task:  # what yields is not held
                 is_held = is_steered and not is_yielding
                 dx, correction = self._pose_hold.hold(dx, is_open_loop=is_held)
+            else:
+                self._pose_hold.clear()
             along = dx
             if is_yielding:
                 along = measurements.contact.velocity(dx, measurements.state(q), missed)

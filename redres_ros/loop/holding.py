@@ -8,11 +8,12 @@ from redres_ros.controller import Controller
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.kernels.tick import largest
 from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION
-from redres_ros.robot_model import RobotState
+from redres_ros.robot_model import Correction, RobotState
 from redres_ros.tasks import Pose
 from redres_ros.types import JointPositions, JointVelocities, Seconds, TaskVelocity
 
 ARRIVED = 1e-6  # [rad] from its end, at which an approach is over
+NOTHING = 1e-3  # [m/s], [rad/s]; a velocity with less asks for nothing
 
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
@@ -21,13 +22,15 @@ _REST = 0.1  # [s] for which it has not moved further
 _SERVO = 5e-3  # [rad] of a servo's error at rest
 
 _GAIN = 2.0  # [1/s] of the error of what is held
-_NOTHING = 1e-9  # [m/s], [rad/s] that count as zero: rounding of a transformation
+_RADIUS = 0.25  # [m] at which a turn counts as a speed
+_HARDLY = 0.05  # of the other component; with less, a component is not asked for
+_CONE = float(np.radians(25.0))  # [rad] within which a held component may give way
 
 # Rows of each component; the velocity with which the tip comes back at most, because limits may
-# have turned it by half a turn; and the acceleration.
+# have turned it by half a turn; the acceleration; and how far it may give way.
 _COMPONENTS = (
-    (slice(0, 3), 0.25, LINEAR_ACCELERATION),  # [m/s], [m/s^2]
-    (slice(3, 6), 1.0, ANGULAR_ACCELERATION),  # [rad/s], [rad/s^2]
+    (slice(0, 3), 0.25, LINEAR_ACCELERATION, _RADIUS * _CONE),  # [m/s], [m/s^2], [m]
+    (slice(3, 6), 1.0, ANGULAR_ACCELERATION, _CONE),  # [rad/s], [rad/s^2], [rad]
 )
 
 
@@ -93,7 +96,8 @@ class PoseHold:
 
     A velocity that is integrated drifts, and beside singularities and limits it is not executed in
     full. A planner closes its own loop; an operator does not, whose translation alone must not turn
-    the tip. So a component that is zero while the other one is not keeps its last commanded pose.
+    the tip. So a component that is hardly asked for keeps its last commanded pose: through pauses,
+    in which nothing moves it, through holding, and changes of the law, until it is asked for again.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -101,13 +105,18 @@ class PoseHold:
         self.clear()
 
     def clear(self) -> None:
+        """Hold nothing: something else moves the arm."""
         self._targets: dict[int, Pose] = {}  # by component
+        self.rest()
+
+    def rest(self) -> None:
+        """The arm is at rest; what is held stays the same."""
         self._added = np.zeros(6)
 
     def hold(
         self, dx: TaskVelocity, *, is_open_loop: bool
-    ) -> tuple[TaskVelocity, TaskVelocity | None]:
-        """The twist, and the part of it that only holds; that is None if nothing is held.
+    ) -> tuple[TaskVelocity, Correction | None]:
+        """The twist, and what only holds; that is None if nothing is held.
 
         Args:
             is_open_loop: Whether dx is an operator's.
@@ -120,27 +129,32 @@ class PoseHold:
             return dx, None
         q = controller.published.q
         state = RobotState(controller.model, q, np.zeros(len(q)))
-        correction = np.zeros(6)
-        for component, (rows, fastest, acceleration) in enumerate(_COMPONENTS):
-            is_held = is_open_loop and not _asks(dx[rows])
-            velocity = np.zeros(3)
-            if not is_held:
+        asks = largest(dx) > NOTHING
+        speeds = np.linalg.norm(dx[:3]), _RADIUS * np.linalg.norm(dx[3:])
+        is_held = np.zeros(6, bool)
+        away = np.zeros(6)
+        for component, (rows, fastest, acceleration, most) in enumerate(_COMPONENTS):
+            is_asked = asks and speeds[component] > _HARDLY * speeds[1 - component]
+            added = np.zeros(3)
+            if not is_open_loop or is_asked:
                 self._targets.pop(component, None)
-            elif _asks(dx):  # a reversal passes through zero: what is held stays the same
-                if component not in self._targets:
-                    pose = Pose(gain=_GAIN, frame=task.frame)
-                    self._targets[component] = pose.with_initial_targets(state)
-                velocity = self._targets[component].velocity(state)[rows]
-            change = _shortened(velocity, fastest) - self._added[rows]
+            else:
+                target = self._targets.get(component)
+                if target is None or target.frame != task.frame:
+                    target = Pose(gain=_GAIN, frame=task.frame).with_initial_targets(state)
+                    self._targets[component] = target
+                is_held[rows] = True
+                added = -dx[rows]
+                if asks:
+                    error = target.error(state)[rows]
+                    added = added + _shortened(_GAIN * error, fastest)
+                    away[rows] = _GAIN * (most - np.linalg.norm(error))
+            change = added - self._added[rows]
             self._added[rows] += _shortened(change, acceleration * controller.T)
-            if is_held:
-                correction[rows] = self._added[rows]
-        return dx + self._added, correction if correction.any() else None
-
-
-def _asks(dx: np.ndarray) -> bool:
-    """Whether a velocity, or a component of it, asks for motion."""
-    return bool((np.abs(dx) > _NOTHING).any())
+        dx = dx + self._added
+        if not (asks and is_held.any()):
+            return dx, None
+        return dx, Correction(dx * is_held, is_held, away)
 
 
 def _shortened(vector: np.ndarray, length: float) -> np.ndarray:
