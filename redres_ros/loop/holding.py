@@ -138,17 +138,15 @@ class PoseHold:
             added = np.zeros(3)
             if not is_open_loop or is_asked:
                 self._targets.pop(component, None)
-            else:
+            elif asks:
                 target = self._targets.get(component)
                 if target is None or target.frame != task.frame:
                     target = Pose(gain=_GAIN, frame=task.frame).with_initial_targets(state)
                     self._targets[component] = target
+                error = target.error(state)[rows]
                 is_held[rows] = True
-                added = -dx[rows]
-                if asks:
-                    error = target.error(state)[rows]
-                    added = added + _shortened(_GAIN * error, fastest)
-                    away[rows] = _GAIN * (most - np.linalg.norm(error))
+                added = _shortened(_GAIN * error, fastest) - dx[rows]
+                away[rows] = _GAIN * (most - np.linalg.norm(error))
             change = added - self._added[rows]
             self._added[rows] += _shortened(change, acceleration * controller.T)
         dx = dx + self._added
