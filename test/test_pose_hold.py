@@ -159,7 +159,7 @@ def test_what_was_turned_comes_back_after_the_arm_has_been_held_and_the_law_chan
     assert arm.loop.mode is Mode.HOLDING
     arm.controller.switch_law(law)
     assert np.radians(3.0) < turned < np.radians(26.0)
-    arm.steer(8.0, along(BACK))
+    arm.steer(3.0, along(BACK))
     assert arm.turned(R) < np.radians(0.5)
 
 

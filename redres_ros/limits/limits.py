@@ -182,7 +182,8 @@ class Limits:
         is_far = are_far(dq, state.q, state.dq_prev, T, self._joints, tick.gap, tick.longest_gap)
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
-            self.yielding = self.yielding.after(1.0, 1.0, T)
+            if any(self.yielding):
+                self.yielding = self.yielding.after(1.0, 1.0, T)
             return None
         if is_far:
             self._fill_boxes(dq, state, T)
