@@ -15,12 +15,12 @@ from redres_ros.kernels.tick import rotation_error
 from redres_ros.limits.component_scaling import (
     DIRECTION_TOLERANCE,
     SPREAD,
-    Correction,
     Yielding,
     solve_components,
     split_components,
 )
 from redres_ros.resolution import resolve
+from redres_ros.robot_model import Correction
 from redres_ros.solver import Constrained, solve_constrained
 
 MANY = 20_000 if NIGHTLY else 150

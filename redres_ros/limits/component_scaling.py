@@ -38,7 +38,7 @@ from redres_ros.kernels.compiled import compiled, direct, matrix, vector
 from redres_ros.resolution import Level, Weight
 from redres_ros.robot_model import Correction
 from redres_ros.solver import Box, Constrained, Rows, solve_constrained
-from redres_ros.types import Jacobian, JointVelocities, Seconds, TaskVelocity
+from redres_ros.types import Jacobian, JointVelocities, Seconds
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
 _SLIDING_TOLERANCE = float(np.radians(85.0))  # [rad], if it leaves nothing
