@@ -13,13 +13,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
-from redres_ros.loop.holding import (
-    ARRIVED,
-    NOTHING,
-    HeldReference,
-    PoseHold,
-    approach_velocity,
-)
+from redres_ros.loop.holding import ARRIVED, NOTHING, HeldReference, PoseHold, approach_velocity
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
 from redres_ros.loop.safety import FaultMonitor, SafetyFilter
@@ -254,7 +248,6 @@ class CommandLoop:
         self.faults.begin()
         self.input.buffer.clear()
         self._end_approach()
-        self._pose_hold.clear()
         if published and stays:
             controller.hold_at(published.q)
         else:
@@ -332,7 +325,6 @@ class CommandLoop:
         if self.mode is Mode.HOLDING and self._interface.forwards_commands and controller.published:
             seconds = (missed + 1) * controller.T
             if not self._held_reference.update(state.q, seconds):
-                self._pose_hold.clear()
                 return None  # others have moved the arm
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
@@ -376,7 +368,6 @@ class CommandLoop:
                 f'{place}, at rest'
             )
             self._end_approach()
-            self._pose_hold.clear()
             controller.hold_at(published.q if holds else state.q)
             self._held_reference.begin(state.q, followed=holds)
             self.mode = Mode.HOLDING
@@ -451,9 +442,10 @@ class CommandLoop:
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
-            self._pose_hold.clear()
-        if self.mode is Mode.MOVING:
+        if before in MOVING_MODES:
             self._pose_hold.rest()
+        if self.mode is Mode.MOVING:
+            self._pose_hold.resume()
             if self.faults.is_away(state.q):
                 self._approach = state.q
                 controller.follow_joints(True)
@@ -481,7 +473,6 @@ class CommandLoop:
         measurements = self.measurements
         if self.mode not in MOVING_MODES:
             if self.mode is Mode.MIRRORING or controller.published is None:
-                self._pose_hold.clear()
                 controller.hold_at(q)
                 self._held_reference.begin(q)
             self.safety_filter.reason = ''

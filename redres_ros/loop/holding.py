@@ -102,16 +102,23 @@ class PoseHold:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
+        self._rested = np.zeros(0)  # (n,) [rad]
         self.clear()
 
     def clear(self) -> None:
         """Hold nothing: something else moves the arm."""
         self._targets: dict[int, Pose] = {}  # by component
-        self.rest()
+        self._added = np.zeros(6)
 
     def rest(self) -> None:
-        """The arm is at rest; what is held stays the same."""
-        self._added = np.zeros(6)
+        """The arm comes to rest; what is held stays the same unless others move it."""
+        self._rested = self._controller.reference
+
+    def resume(self) -> None:
+        if np.array_equal(self._controller.reference, self._rested):
+            self._added = np.zeros(6)
+        else:
+            self.clear()
 
     def hold(
         self, dx: TaskVelocity, *, is_open_loop: bool
