@@ -384,3 +384,24 @@ def free_motion(
     _solve_upper(U, x)  # -M^-1 n
     for i in range(len(n)):
         b[i] = forgetting_factor * dq[i] + T * x[0, i]
+
+
+@direct
+@compiled(float64(matrix(), vector(), float64[:, ::1]))
+def fill_rates(J: np.ndarray, velocity: np.ndarray, rates: np.ndarray) -> float:
+    """Write the rates along a velocity (k,), and across it, into rates (k, n), by a Householder
+    reflection of J (k, n); the length of the velocity. Those of no velocity are J.
+    """
+    length = np.sqrt(np.sum(velocity**2))
+    rates[:] = J
+    if length > 0.0:
+        normal = velocity / length
+        sign = np.copysign(1.0, normal[0])
+        normal[0] += sign
+        for j in range(J.shape[1]):
+            along = 0.0
+            for i in range(len(normal)):
+                along += normal[i] * J[i, j]
+            for i in range(len(normal)):
+                rates[i, j] = sign * (normal[i] * along / abs(normal[0]) - J[i, j])
+    return length

@@ -31,10 +31,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64
 
 from redres_ros.command import norm
-from redres_ros.kernels.compiled import compiled, direct, matrix, vector
+from redres_ros.kernels.closed_form import fill_rates
 from redres_ros.resolution import Level, Weight
 from redres_ros.robot_model import Correction
 from redres_ros.solver import Box, Constrained, Rows, solve_constrained
@@ -125,7 +124,7 @@ def split_components(
             velocity = factor * correction.velocity[rows]
             away = factor * float(correction.away[begin])
         rates = np.empty(J.shape)
-        length = _fill_rates(J, velocity, rates)
+        length = fill_rates(J, velocity, rates)
         is_asked = not is_held and length > noise
         components.append(Component(rates, length, is_asked, spread, away))
         begin += size
@@ -213,27 +212,6 @@ class _Problem(NamedTuple):
         rows.append((cone, low, high))
         levels += [(across, np.zeros(len(across))), *self.tasks]
         return solve_constrained(self.dq_free, self.W, levels, self.box, rows)
-
-
-@direct
-@compiled(float64(matrix(), vector(), float64[:, ::1]))
-def _fill_rates(J: np.ndarray, velocity: np.ndarray, rates: np.ndarray) -> float:
-    """Write the rates along a velocity (k,), and across it, into rates (k, n), by a Householder
-    reflection of J (k, n); the length of the velocity. Those of no velocity are J.
-    """
-    length = np.sqrt(np.sum(velocity**2))
-    rates[:] = J
-    if length > 0.0:
-        normal = velocity / length
-        sign = np.copysign(1.0, normal[0])
-        normal[0] += sign
-        for j in range(J.shape[1]):
-            along = 0.0
-            for i in range(len(normal)):
-                along += normal[i] * J[i, j]
-            for i in range(len(normal)):
-                rates[i, j] = sign * (normal[i] * along / abs(normal[0]) - J[i, j])
-    return length
 
 
 def _tolerance(sliding: float) -> float:
