@@ -32,7 +32,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.command import norm
 from redres_ros.kernels.closed_form import fill_rates
 from redres_ros.resolution import Level, Weight
 from redres_ros.robot_model import Correction
@@ -109,7 +108,7 @@ def split_components(
     scale: np.ndarray | None = None,
 ) -> list[Component]:
     """The components of a task, of so many rows, which are scaled."""
-    noise = _NOTHING * norm(task[1])
+    noise = _NOTHING * math.sqrt(task[1].dot(task[1]))
     components = []
     begin = 0
     for size in sizes:
