@@ -265,8 +265,9 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
     else:
         now.advance(0.5)
         plan(now.graph, robot, AIM if case == 'in motion' else AIM / 3.0)
-        now.advance(1.0 if case == 'in motion' else 4.0)
-        assert now.published.modes[-1] == ('moving' if case == 'in motion' else 'holding')
+        moves = case in ('in motion', 'in the last motion')
+        now.advance(1.0 if moves else 4.0)
+        assert now.published.modes[-1] == ('moving' if moves else 'holding')
     if case == 'after an error of the hardware':
         robot.fail_read()
         now.advance(0.5)
@@ -286,6 +287,7 @@ def elsewhere(now: Scene, case: str, way: np.ndarray) -> None:
         'beside a trajectory controller',
         'after a target',
         'in motion',
+        'in the last motion',  # whose command comes to rest beside it, without a fault
         'after an error of the hardware',
     ],
 )

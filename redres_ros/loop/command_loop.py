@@ -369,7 +369,7 @@ class CommandLoop:
             )
             self._end_approach()
             controller.hold_at(published.q if holds else state.q)
-            self._held_reference.begin(state.q, followed=holds)
+            self._held_reference.begin(state.q, self.faults.lag if holds else None)
             self.mode = Mode.HOLDING
         return 0
 
@@ -438,6 +438,7 @@ class CommandLoop:
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         controller = self._controller
+        lag = self.faults.lag
         self.faults.begin()
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
@@ -454,7 +455,7 @@ class CommandLoop:
             controller.gap = 1
             controller.hold_at(controller.reference)
             followed = before in MOVING_MODES and not self.faults.reason
-            self._held_reference.begin(state.q, followed=followed)
+            self._held_reference.begin(state.q, lag if followed else None)
         else:
             self.measurements.restart()
 

@@ -40,20 +40,28 @@ class HeldReference:
     While the arm is elsewhere, nothing may be published: a robot that holds stays as it is, and one
     that begins to listen does not leap. The reference is placed where the arm comes to rest. If the
     arm then goes on by as much, it follows: it sags, which is explained from then on, as it would
-    sink for ever. So is what is left of a servo's lag.
+    sink for ever. So is the error of an arm that has followed a motion, unless it goes further than
+    its lag explains, or comes to rest beyond what following allows: then others have moved it.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
+        self._allowed = controller.robot_interface.following_tolerance  # [rad]
         self.begin(np.zeros(controller.model.n))
 
-    def begin(self, q: JointPositions, *, followed: bool = False) -> None:
-        """The reference is held from now on; `followed`: by an arm that has followed it."""
+    def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
+        """The reference is held from now on, by an arm at q.
+
+        Args:
+            lag: How far an arm that has followed a motion may still go; None: it has not moved.
+        """
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
+        # Where an arm that comes to rest may be, (n,) [rad] each.
+        self._within = (q, q) if lag is None else (q - lag - _SERVO, q + lag + _SERVO)
         # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
-        self._expected = None if followed else self._servo
+        self._expected = self._servo if lag is None else None
 
     def is_left(self, q: JointPositions) -> bool:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
@@ -68,6 +76,8 @@ class HeldReference:
         self._still += seconds
         error = q - controller.reference - self._servo
         away = largest(error)
+        if self._expected is None and not self._follows(q, away):
+            self._expected = self._servo
         expected = self._expected
         if self._still < _REST:
             return expected is None or away <= _SERVO
@@ -79,6 +89,12 @@ class HeldReference:
             self._expected = error
             self._still = 0.0
         return True
+
+    def _follows(self, q: JointPositions, away: float) -> bool:
+        """Whether an arm after a motion, `away` [rad] from its reference, may have followed it."""
+        lower, upper = self._within
+        is_near = self._still < _REST or away <= self._allowed
+        return is_near and bool(((lower <= q) & (q <= upper)).all())
 
 
 def approach_velocity(controller: Controller, q: JointPositions) -> JointVelocities:

@@ -135,6 +135,11 @@ class FaultMonitor:
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
 
+    @property
+    def lag(self) -> JointPositions:
+        """How far a servo may be behind what was published of late."""
+        return _LAG_TIME * self._fast
+
     def is_away(self, q: JointPositions) -> bool:
         """Whether an arm at rest, measured at q, is not where its reference is."""
         published = self._controller.published
