@@ -323,6 +323,28 @@ def test_an_arm_that_sags_under_its_reference_does_not_creep(sag: float, moves: 
         assert np.abs(q - START).max() < 2.1 * sag
 
 
+@pytest.mark.parametrize(
+    ('block', 'restarts'),
+    [
+        (lambda loop: None, 0),
+        (lambda loop: loop.hold(True), 3),
+        (CommandLoop.deactivate, 3),
+        (lambda loop: loop.faults.set('a fault'), 3),
+    ],
+)
+def test_measurements_restart_as_long_as_the_arm_is_held_inactive_or_faulty(
+    block: Callable[[CommandLoop], None], restarts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = make()
+    robot.ask()
+    calls: list[None] = []
+    monkeypatch.setattr(robot.following.measurements, 'restart', lambda: calls.append(None))
+    block(robot.following)
+    for _ in range(3):
+        robot.ask()
+    assert len(calls) == restarts
+
+
 def test_an_arm_that_is_pushed_and_let_go_comes_back_to_its_reference() -> None:
     robot = make()
     robot.ask()

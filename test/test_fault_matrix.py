@@ -27,6 +27,7 @@ from redres_ros.robots.joint_limits import JointLimits
 
 RATE = 100.0  # [Hz]
 DURATION = 0.6  # [s] of a fault
+RETREAT = 1.6  # [s] of a wrong wrench: the tip turns round, and goes 10 mm at 20 mm/s
 # [rad/s] left of a null-space motion of 0.3 rad/s, which fades with 10 /s once no task moves
 DECAYED = 2e-3
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
@@ -144,7 +145,7 @@ class Scene:
             self._point()
         elif channel.topic == 'sim/stop_reason':
             self.run.nodes['sim']._session.stop('protective stop: for the test')
-        self.run.run(DURATION)
+        self.run.run(RETREAT if channel is WRENCH else DURATION)
         self.under_fault = self.speed
         graph.faults.clear()
 

@@ -16,7 +16,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.holding import ARRIVED, NOTHING, HeldReference, PoseHold, approach_velocity
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
-from redres_ros.loop.safety import FaultMonitor, SafetyFilter
+from redres_ros.loop.safety import LAG_TIME, FaultMonitor, SafetyFilter
 from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
 from redres_ros.types import (
     Cycles,
@@ -196,9 +196,7 @@ class CommandLoop:
         Args:
             is_connected: Whether commands may reach the robot; a moving arm is not let go of.
 
-        Raises:
-            ClockError: The stamp is not that of a new cycle.
-            ArrayError: Positions that are not finite.
+        Raises ClockError for a stamp that is not of a new cycle, ArrayError for q not finite.
         """
         if not np.isfinite(q).all():
             check_finite(q, 'q')
@@ -369,7 +367,7 @@ class CommandLoop:
             )
             self._end_approach()
             controller.hold_at(published.q if holds else state.q)
-            self._held_reference.begin(state.q, self.faults.lag if holds else None)
+            self._held_reference.begin(state.q, LAG_TIME * self.faults.fast if holds else None)
             self.mode = Mode.HOLDING
         return 0
 
@@ -438,7 +436,7 @@ class CommandLoop:
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         controller = self._controller
-        lag = self.faults.lag
+        lag = LAG_TIME * self.faults.fast
         self.faults.begin()
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:

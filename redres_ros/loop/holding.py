@@ -50,16 +50,14 @@ class HeldReference:
         self.begin(np.zeros(controller.model.n))
 
     def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
-        """The reference is held from now on, by an arm at q.
-
-        Args:
-            lag: How far an arm that has followed a motion may still go; None: it has not moved.
+        """The reference is held from now on, by an arm at q; that may go on by a lag (n,) if it has
+        followed a motion.
         """
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
-        # Where an arm that comes to rest may be, (n,) [rad] each.
-        self._within = (q, q) if lag is None else (q - lag - _SERVO, q + lag + _SERVO)
+        self._began = q
+        self._explained = _SERVO if lag is None else lag + _SERVO  # from there, (n,) [rad]
         # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
         self._expected = self._servo if lag is None else None
 
@@ -76,8 +74,10 @@ class HeldReference:
         self._still += seconds
         error = q - controller.reference - self._servo
         away = largest(error)
-        if self._expected is None and not self._follows(q, away):
-            self._expected = self._servo
+        if self._expected is None:
+            is_beyond = self._still >= _REST and away > self._allowed
+            if is_beyond or (np.abs(q - self._began) > self._explained).any():
+                self._expected = np.zeros(len(q))
         expected = self._expected
         if self._still < _REST:
             return expected is None or away <= _SERVO
@@ -89,12 +89,6 @@ class HeldReference:
             self._expected = error
             self._still = 0.0
         return True
-
-    def _follows(self, q: JointPositions, away: float) -> bool:
-        """Whether an arm after a motion, `away` [rad] from its reference, may have followed it."""
-        lower, upper = self._within
-        is_near = self._still < _REST or away <= self._allowed
-        return is_near and bool(((lower <= q) & (q <= upper)).all())
 
 
 def approach_velocity(controller: Controller, q: JointPositions) -> JointVelocities:
@@ -139,11 +133,7 @@ class PoseHold:
     def hold(
         self, dx: TaskVelocity, *, is_open_loop: bool
     ) -> tuple[TaskVelocity, Correction | None]:
-        """The twist, and what only holds; that is None if nothing is held.
-
-        Args:
-            is_open_loop: Whether dx is an operator's.
-        """
+        """The twist, and what only holds; that is None if nothing is held."""
         controller = self._controller
         task = controller.policy.task
         acts = is_open_loop or self._targets or largest(self._added) > 0.0

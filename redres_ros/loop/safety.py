@@ -21,7 +21,7 @@ from redres_ros.kernels.boxes import admit
 from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
 from redres_ros.types import Cycles, JointPositions
 
-_LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
+LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
 _DELAY = 0.03  # [s] of dead time that is allowed for
 _SHORTEST = 0.02  # [s] between two looks at whether the arm has moved
@@ -65,7 +65,7 @@ class FaultMonitor:
         self._upper = -self._lower
         self._elapsed = 0.0  # [s] of these
         self._settling = 0.0  # [s] for which the arm has moved without a task
-        self._fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
+        self.fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
         self._away = 0.0  # states that were away from the reference, of late
 
     def set(self, reason: str) -> None:
@@ -101,8 +101,8 @@ class FaultMonitor:
             return
         if cycles > 1:
             published = self._controller.bridged(published, cycles - 1)
-        update_peak(self._fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
-        lag, joint = largest_excess(published.q, q, self._fast, _LAG_TIME)
+        update_peak(self.fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
+        lag, joint = largest_excess(published.q, q, self.fast, LAG_TIME)
         if lag <= self._allowed:
             self._away = max(self._away - _AWAY_DECAY, 0.0)
         else:
@@ -134,11 +134,6 @@ class FaultMonitor:
         self._upper = self._lower.copy()
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
-
-    @property
-    def lag(self) -> JointPositions:
-        """How far a servo may be behind what was published of late."""
-        return _LAG_TIME * self._fast
 
     def is_away(self, q: JointPositions) -> bool:
         """Whether an arm at rest, measured at q, is not where its reference is."""

@@ -200,8 +200,6 @@ class VelocityInput:
 
     Args:
         controller: Switches to the kind that is in use.
-        cycles: The robot's clock.
-        settings: Can be replaced at any time.
 
     Attributes:
         buffer: The one in use: of_task or of_joints.
@@ -235,11 +233,7 @@ class VelocityInput:
         *,
         of_joints: bool,
     ) -> None:
-        """Store a velocity; arguments as of CommandLoop.enter_velocity().
-
-        Raises:
-            VelocityError: It is too fast, too old, or stamped too far ahead.
-        """
+        """Store a velocity, as CommandLoop.enter_velocity(). Raises VelocityError."""
         self._check_speed(dx, of_joints)
         cycles = self._cycles
         timeout = self.settings.command_timeout
