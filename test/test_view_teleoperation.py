@@ -23,7 +23,6 @@ from std_srvs.srv import Trigger
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from redres_ros.nodes.topics import MODE, REASON
 from redres_ros.view import server as serving
 from redres_ros.view import teleoperation
 from redres_ros.view.server import TELEOP_PATH
@@ -121,8 +120,6 @@ class Operator:
     def __init__(self, node: Node) -> None:
         self.twists: list[np.ndarray] = []
         self.stops: list[Trigger.Request] = []
-        self.words: dict[str, str] = {}
-        node.word = lambda topic: self.words.get(topic, '')
         node.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, 10)
         node.create_service(Trigger, 'planner/stop', self._on_stop)
         self.page = Teleoperation(node, 6)
@@ -191,28 +188,6 @@ def test_a_page_that_ends_lets_the_switch_go(operator: Operator) -> None:
         with pytest.raises(ConnectionClosed, match='numbers from -1 to 1'):
             page.recv(PATIENCE)
     await_that(lambda: operator.page._switch._beat is None, 'the end of the hold')
-
-
-@pytest.mark.parametrize(
-    ('topic', 'word', 'hint'),
-    [
-        (MODE, 'holding', '"resume"'),
-        (MODE, 'inactive', 'activate'),
-        (MODE, 'mirroring', 'takes no commands'),
-        (REASON, 'too fast', '"reset the robot"'),
-    ],
-)
-def test_an_arm_that_does_not_move_says_why(
-    operator: Operator, topic: str, word: str, hint: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(operator, 'words', {topic: word})
-    monkeypatch.setattr(operator.page, '_publisher', None)
-    monkeypatch.setattr(operator.page, '_begun_at', time.monotonic() - 1.0)
-    monkeypatch.setattr(operator.page, '_moved_at', time.monotonic())
-    still = json.dumps([0.0] * 6)
-    assert operator.page._enter('somebody', still) == ''  # nobody asks for anything
-    assert hint in operator.page._enter('somebody', json.dumps(FORWARD.tolist()))
-    operator.page._switch.release('somebody')
 
 
 def test_a_thread_that_sends_meets_no_waiter_of_the_servers_loop(operator: Operator) -> None:

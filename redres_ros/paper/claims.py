@@ -1,4 +1,4 @@
-"""Every sentence of the paper on motions and their cost that can be measured: simulations (Sections
+"""Every sentence of the paper on motions that can be measured: simulations (Sections
 2 to 5), experiments (Section 6), and our readings of what it leaves open. Its identities are tests.
 """
 

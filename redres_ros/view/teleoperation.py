@@ -9,28 +9,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import viser
 from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_srvs.srv import Trigger
 
-from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.topics import MODE, PUBLISH, REASON, STEADY
+from redres_ros.nodes.topics import PUBLISH, STEADY
 from redres_ros.types import Seconds
 
 _NOW = 0  # a stamp that means: as soon as it comes
 _PERIOD = 0.02  # [s] between task velocities
 _TIMEOUT = 0.3  # [s] after which a browser that has fallen silent counts as having let go
 _LAST_ZEROS = 0.3  # [s] for which zeros follow a motion; then others may have the topic
-_PATIENCE = 0.5  # [s] in which the arm begins to move
 _SPEED = (0.05, 0.5)  # [m/s] at first, and at most
 _TURN = (0.3, 2.0)  # [rad/s]
 _LONGEST = 500  # letters of a message
 _RULE_BROKEN = 1008  # of WebSocket
-_HINTS = {
-    'inactive': 'the controller is inactive; activate it first',
-    'mirroring': 'the robot takes no commands at present',
-    'holding': 'the controller holds: "resume" lets it go on',
-}
 
 
 class _Beat(NamedTuple):
@@ -74,14 +68,13 @@ class Teleoperation:
     The velocity has 3 or 6 rows, as the task.
     """
 
-    def __init__(self, monitor: GraphMonitor, rows: int) -> None:
-        self._monitor = monitor
+    def __init__(self, node: Node, rows: int) -> None:
+        self._node = node
         self._rows = rows
         self._switch = DeadManSwitch()
         # Made for the first motion: `redres check` remarks on several publishers of the topic.
         self._publisher: Publisher | None = None
-        self._stop_client = monitor.create_client(Trigger, 'planner/stop')
-        self._begun_at = -np.inf  # [s]
+        self._stop_client = node.create_client(Trigger, 'planner/stop')
         self._moved_at = -np.inf  # [s] when a velocity was asked for last
 
     def start(self, gui: viser.GuiApi) -> None:
@@ -90,7 +83,7 @@ class Teleoperation:
             self._speed = gui.add_slider('speed [m/s]', 0.005, _SPEED[1], 0.005, _SPEED[0])
             self._turn = gui.add_slider('turning [rad/s]', 0.05, _TURN[1], 0.05, _TURN[0])
             self._turn.visible = self._rows == 6
-        self._monitor.create_timer(_PERIOD, self._publish, clock=STEADY)
+        self._node.create_timer(_PERIOD, self._publish, clock=STEADY)
 
     async def serve(self, connection: Any) -> None:
         """Serve a connection of the page's script until it ends, which lets the switch go."""
@@ -116,27 +109,17 @@ class Teleoperation:
             return ''
         if not self._switch.press(connection, direction, now):
             return 'somebody else holds the dead-man switch'
-        return self._hint() if direction.any() and now - self._begun_at > _PATIENCE else ''
-
-    def _hint(self) -> str:
-        """Why the arm may not move although it is asked to; empty if nothing is known."""
-        if self._publisher and not self._publisher.get_subscription_count():
-            return 'no controller listens to cartesian_velocity'
-        reason = self._monitor.word(REASON)
-        if reason:
-            return f'the robot has stopped: {reason}; "reset the robot" lets it go on'
-        return _HINTS.get(self._monitor.word(MODE), '')
+        return ''
 
     def _publish(self) -> None:
         now = time.monotonic()
         dx = self._switch.direction(now) * np.repeat((self._speed.value, self._turn.value), 3)
         if dx.any():
             if self._publisher is None:
-                self._publisher = self._monitor.create_publisher(
+                self._publisher = self._node.create_publisher(
                     TwistStamped, 'cartesian_velocity', PUBLISH
                 )
             if now - self._moved_at >= _LAST_ZEROS:
-                self._begun_at = now
                 # Else the planner pulls the tip back to its path.
                 self._stop_client.call_async(Trigger.Request())
             self._moved_at = now
