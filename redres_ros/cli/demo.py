@@ -1,6 +1,7 @@
 """`redres demo`: planner, controller and fake arm as nodes, and what they did in files."""
 
 import argparse
+import json
 import os
 import signal
 from pathlib import Path
@@ -110,12 +111,14 @@ def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace
     until the terminal is free again.
     """
     from redres_ros.demo.outcome import summary_table
-    from redres_ros.files.text import write_json
+    from redres_ros.files.text import writing
     from redres_ros.simulation.report import print_tables
 
     out = options.out
     recording = outcome.recording
-    write_json(outcome.summary, out / 'summary.json')
+    file = out / 'summary.json'
+    with writing(file):
+        file.write_text(json.dumps(outcome.summary, indent=2) + '\n', encoding='utf-8')
     print_tables(summary_table(outcome.summary, demo.title))
     if not len(recording.data):
         print('no plot and no data: the task did not begin')

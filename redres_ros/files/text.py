@@ -1,8 +1,6 @@
 """Reads and writes files that users name, YAML among them, with errors in one line."""
 
-import json
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,15 +25,6 @@ def writing(path: Path) -> Iterator[None]:
         yield
 
 
-def write_json(content: Mapping[str, object], path: Path) -> None:
-    """Write values by name; null for NaN and infinity, which JSON does not know.
-
-    Raises FileError.
-    """
-    with writing(path):
-        path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
-
-
 def read_text(path: Path) -> str:
     """The content of a file, in UTF-8. Raises FileError, also for a pipe or a device: reading some
     has no end.
@@ -57,14 +46,3 @@ def read_yaml(path: Path) -> Any:
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None
-
-
-def _finite(value: Any) -> Any:
-    """The content with None for NaN and infinity."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
