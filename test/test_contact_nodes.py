@@ -77,6 +77,22 @@ def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
     assert safety_filter.count == 0
 
 
+def test_force_control_that_is_switched_off_in_motion_fades_out_and_the_arm_holds() -> None:
+    with table_below(100.0) as run:
+        assert run.set('controller', **ON)
+        run.run(0.4)
+        assert mode(run) is Mode.MOVING  # it searches
+        assert run.set('controller', **{'admittance.enabled': False})
+        run.run(1.5)
+        assert mode(run) is Mode.HOLDING
+        held = run.references[-1]
+        run.run(0.5)
+        np.testing.assert_array_equal(run.references[-1], held)
+        steps = np.diff(run.references, 2, axis=0) * 100.0**2
+        assert (np.abs(steps) <= np.array(MODEL.arm.acceleration_limit) * (1.0 + 1e-6)).all()
+        assert run.nodes['controller']._loop.safety_filter.count == 0
+
+
 def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:
     with table_below(100.0) as run:
         assert run.set('sim', wrench_fault='bias')
