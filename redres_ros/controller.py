@@ -134,6 +134,7 @@ class Controller:
         self.has_turns = bool(self._multi_turn.size)
         self._tick = TickContext(lost=robot_interface.lost)
         self._holds = False  # after hold()
+        self._brakes = False  # without a crossfade
         self._follows_joints = False
         self.published: Published | None = None
         policy = make_policy(
@@ -237,14 +238,17 @@ class Controller:
 
     # --- where it continues from ------------------------------------------------------------------
 
-    def hold(self) -> None:
-        """Decelerate to rest, from now on; the task is dropped."""
+    def hold(self, *, at_once: bool = False) -> None:
+        """Decelerate to rest, without a task; at once: without a crossfade, if A is limited."""
+        limits = self.policy.limits
+        self._brakes = at_once and bool(limits and limits.bounds_acceleration)
         self._holds = True
         self._choose()
 
     def resume(self) -> None:
         """Follow the policy again, from now on."""
         self._holds = False
+        self._brakes = False
         self._choose()
 
     def reset(self) -> None:
@@ -368,9 +372,8 @@ class Controller:
         motion: Motion = self._desired
         if self._motion is not motion:
             elapsed = (missed + 1) * self.T
-            motion = advanced(
-                self._motion, self._desired, dq_prev, elapsed, self.switch_time, base.plan
-            )
+            time = 0.0 if self._brakes else self.switch_time
+            motion = advanced(self._motion, self._desired, dq_prev, elapsed, time, base.plan)
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         n = self.model.n

@@ -142,8 +142,9 @@ WALL = (-np.inf, 0.02)  # met fast: the force grows while the arm brakes
 @pytest.mark.parametrize(
     ('sign', 'speed', 'walls', 'words', 'most'),
     [
-        (1.0, 0.1, SLOT, 'the retreat met a force of', 127.0),
-        (-1.0, 0.05, SLOT, 'the retreat met a force of', 230.0),
+        (1.0, 0.1, SLOT, 'the retreat met a force of', 90.0),
+        (-1.0, 0.05, SLOT, 'the retreat met a force of', 120.0),
+        (-1.0, 0.5, SLOT, 'the retreat met a force of', 150.0),
         (1.0, 0.5, WALL, 'the tip has retreated', 200.0),
     ],
 )

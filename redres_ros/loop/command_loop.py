@@ -334,6 +334,7 @@ class CommandLoop:
             self.faults.set(str(error))
             blocked = True
             self.mode = Mode.STOPPING
+            controller.hold(at_once=self.measurements.contact.retreats)  # it may press on
             self.measurements.restart()
             controller.published = before
             command = self._command(state.q, dx, missed)
@@ -455,6 +456,7 @@ class CommandLoop:
             followed = before in MOVING_MODES and not self.faults.reason
             self._held_reference.begin(state.q, lag if followed else None)
         else:
+            controller.hold()
             self.measurements.restart()
 
     def _end_approach(self) -> None:
@@ -479,7 +481,6 @@ class CommandLoop:
         correction = None
         is_yielding = False
         if self.mode is Mode.STOPPING:
-            controller.hold()
             along = np.zeros(controller.m)
         elif self._approach is not None:
             self._pose_hold.clear()
