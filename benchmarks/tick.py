@@ -78,6 +78,15 @@ def ours(model: RobotModel, rows: list) -> dict[Key, Callable[[int], object]]:
     calls: dict[Key, Callable[[int], object]] = {}
     for law in LAWS:
         calls['no limits', law] = call(law)
+    looks_ahead = Controller(model, make_law('minimum_acceleration', horizon=2.0), T)
+    path = Planner(load_task('rectangle')).preview(0.0, TICKS * T + 2.0)
+    previews = [path.after(k * T) for k in range(TICKS)]
+
+    def ahead(k: int) -> None:
+        q, _, target = rows[k % TICKS]
+        looks_ahead.update(q, target.dx, ahead=previews[k % TICKS])
+
+    calls['no limits', 'minimum_acceleration, 2 s ahead'] = ahead
     calls['no limits', 'two priorities'] = call(
         'minimum_velocity', secondary_tasks=('orientation',)
     )

@@ -17,7 +17,7 @@ from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
-from redres_ros.preview import Preview
+from redres_ros.preview import Ahead, Preview
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import Correction, RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
@@ -352,8 +352,6 @@ class Controller:
         tick = self._tick
         if correction is not None:
             tick = replace(tick, correction=correction)
-        if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
-            tick = replace(tick, ahead=ahead.of_rows(self.m), elapsed=(missed + 1) * self.T)
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -365,7 +363,11 @@ class Controller:
         at = start
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
-        state = RobotState(self.model, at, dq_prev, base.ddq, tick, base.plan)
+        state = RobotState(self.model, at, dq_prev, base.ddq, tick)
+        if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
+            path = ahead.of_rows(self.m)
+            if path is not None:
+                state.ahead = Ahead(path, (missed + 1) * self.T, base.plan)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
             self._choose()

@@ -1,7 +1,7 @@
 """The path that the tip is to take in the next seconds, for laws that look ahead."""
 
 from copy import copy
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -34,8 +34,11 @@ class Preview:
 
     def of_rows(self, m: int) -> Self | None:
         """The path of the position alone for m = 3; for m = 6 None without orientations."""
+        has_rotations = len(self.rotations) > 0
+        if has_rotations == (m > 3):
+            return self
         if m > 3:
-            return self if len(self.rotations) else None
+            return None
         positions = copy(self)
         positions.rotations = self.rotations[:0]
         return positions
@@ -45,6 +48,14 @@ class Preview:
         later = copy(self)
         later.times = self.times - seconds
         return later
+
+
+class Ahead(NamedTuple):
+    """What a law that looks ahead knows at a tick."""
+
+    path: Preview
+    elapsed: Seconds  # since the last command
+    plan: Any  # what the law has planned then
 
 
 def _checked(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

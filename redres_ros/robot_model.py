@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
-from redres_ros.preview import Preview
+from redres_ros.preview import Ahead
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.kinematics import Bodies
 from redres_ros.types import (
@@ -26,7 +26,6 @@ from redres_ros.types import (
     Meters,
     Position,
     Rotation,
-    Seconds,
     TaskVelocity,
     finite_vector,
 )
@@ -62,8 +61,6 @@ class TickContext:
     longest_gap: Cycles = 1  # the same of the next command alone, which may be the last for long
     correction: Correction | None = None
     lost: Cycles = 0  # commands that the robot may lose and bridge at constant acceleration
-    ahead: Preview | None = None  # the path to come of the first task, if it has one
-    elapsed: Seconds = 0.0  # since the last command
 
 
 _USUAL = TickContext()
@@ -73,7 +70,7 @@ class RobotState:
     """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
     dq_prev is the last command, which is all that is known of the velocity at a tick (footnote 4),
-    ddq_prev its acceleration, `plan` what a law had planned from there. Each quantity is evaluated
+    ddq_prev its acceleration, `ahead` the path to come, if it is known. Each quantity is evaluated
     once, when it is asked for first.
     """
 
@@ -91,11 +88,11 @@ class RobotState:
         dq_prev: JointVelocities,
         ddq_prev: JointAccelerations | None = None,
         tick: TickContext = _USUAL,
-        plan: Any = None,
+        ahead: Ahead | None = None,
     ) -> None:
         self.model = model
         self.tick = tick
-        self.plan = plan
+        self.ahead = ahead
         self.q = q
         self.dq_prev = dq_prev
         self.ddq_prev = np.zeros(len(q)) if ddq_prev is None else ddq_prev
@@ -104,7 +101,8 @@ class RobotState:
         """The same position at another last velocity; keeps what q alone decides."""
         state = copy(self)
         state.dq_prev = dq_prev
-        state.plan = plan
+        if self.ahead is not None:
+            state.ahead = self.ahead._replace(plan=plan)
         state._n = None
         return state
 

@@ -5,9 +5,10 @@ import pytest
 
 from redres_ros import LAWS, Controller, Preview, RobotModel, load_task, make_law, resolve, run
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.look_ahead import _RHO, next_nodes, recurse
+from redres_ros.kernels.look_ahead import _RHO, next_nodes, recurse, width
 from redres_ros.laws.look_ahead import _NO_PLAN, _NODES, look_ahead
-from redres_ros.robot_model import RobotState, TickContext
+from redres_ros.preview import Ahead
+from redres_ros.robot_model import RobotState
 
 T = 0.002  # [s]
 HORIZON = 2.0  # [s]
@@ -29,8 +30,8 @@ def path_from(model: RobotModel, q: np.ndarray, *, pose: bool = False) -> Previe
 def moving_state(model: RobotModel, ahead: Preview | None, seed: int = 1) -> RobotState:
     random = np.random.default_rng(seed)
     q = np.array(model.arm.start)
-    tick = TickContext(ahead=ahead, elapsed=T)
-    return RobotState(model, q, random.normal(0.0, 0.3, model.n), None, tick)
+    known = Ahead(ahead, T, None)
+    return RobotState(model, q, random.normal(0.0, 0.3, model.n), ahead=known)
 
 
 def rows_of(R: np.ndarray, r: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -88,16 +89,16 @@ def test_the_law_is_the_first_step_of_the_dense_problem(robot, effort, pose):
     state = moving_state(model, path_from(model, start, pose=pose))
     state.q = start
     m = 6 if pose else 3
-    nodes, A, e = np.empty((_NODES, n)), np.empty((_NODES, m, n)), np.empty((_NODES, m))
-    path = state.tick.ahead
+    nodes, A, e = np.empty((_NODES, n)), np.empty((_NODES, m, width(n))), np.empty((_NODES, m))
+    path = state.ahead.path
     settings = T, H, DAMPING
     far = np.full(n, -10.0), np.full(n, 10.0)
-    trust = next_nodes(
+    trust, _ = next_nodes(
         *(state.q, state.dq_prev, *settings, *far, *model.chain),
-        *(path.times, path.positions, path.rotations, T, *_NO_PLAN[:3], nodes, A, e),
+        *(path.times, path.positions, path.rotations, T, *_NO_PLAN[:5], nodes, A, e),
     )
     for each, J in zip(
-        nodes, A, strict=True
+        nodes, A[:, :, :n], strict=True
     ):  # of Pinocchio; an angle counts by its arc on a metre
         assert np.allclose(model.state(each, each).J[:m], J, atol=1e-12)
     R = np.tile(np.eye(n), (_NODES + 1, 1, 1))
@@ -107,11 +108,12 @@ def test_the_law_is_the_first_step_of_the_dense_problem(robot, effort, pose):
         M = random.normal(size=(_NODES + 1, n, n))
         R = R + M @ M.transpose(0, 2, 1)
         r = random.normal(size=(_NODES + 1, n))
-    W, b, gains = np.empty((n, n)), np.empty(n), np.empty((_NODES, n, 3 * n + 1))
+    W, b = np.empty((n, n)), np.empty(n)
+    L, Y = np.empty((_NODES, n, n)), np.empty((_NODES, n, width(n)))
     given = (R, r) if effort else (R[:0], r[:0])
-    recurse(*(state.q, state.dq_prev, nodes, A, e, *settings, trust, *far, *given, gains, W, b))
+    recurse(state.q, state.dq_prev, nodes, A, *settings, trust, *far, *given, L, Y, W, b)
     dx = np.array((-0.1, 0.1, -0.14, 0.02, -0.01, 0.03))[:m]
-    expected = dense_optimum(state, dx, nodes, A, e, trust, R, r)
+    expected = dense_optimum(state, dx, nodes, A[:, :, :n], e, trust, R, r)
     dq = resolve(state.J[:m], dx, b, W)
     assert np.abs(dq - expected).max() <= 1e-12 * np.abs(expected).max()
 
@@ -196,10 +198,10 @@ def test_a_plan_goes_on_from_tick_to_tick_and_ends_with_the_velocity_history():
 
 def test_nodes_that_would_raise_the_merit_are_not_taken_and_the_trust_rises():
     state = moving_state(FR3, path_from(FR3, np.array(FR3.arm.start)))
-    *_, plan = look_ahead(state, state.tick.ahead, T, HORIZON, 10.0, effort=False)
-    gains = plan.gains + np.random.default_rng(1).normal(0.0, 30.0, plan.gains.shape)
-    state.plan = plan._replace(gains=gains)
-    *_, after = look_ahead(state, state.tick.ahead, T, HORIZON, 10.0, effort=False)
+    *_, plan = look_ahead(state, state.ahead, T, HORIZON, 10.0, effort=False)
+    Y = plan.Y + np.random.default_rng(1).normal(0.0, 30.0, plan.Y.shape)
+    state.ahead = state.ahead._replace(plan=plan._replace(Y=Y))
+    *_, after = look_ahead(state, state.ahead, T, HORIZON, 10.0, effort=False)
     assert np.abs(after.nodes - plan.nodes).max() < 0.02
     assert after.trust > plan.trust
 

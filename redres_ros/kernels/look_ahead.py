@@ -8,16 +8,17 @@ Over K + 1 steps, the first of T and the others of h, from q_{i+1} = q_i + h_i u
 
 with t_0 = T, t_i the mean of two neighbouring steps, and the nodes q_j = q_{i+1} of all steps but
 the first, whose end J u_0 = dx decides. f is linearised at the nodes of the last plan, from which
-a trust mu keeps the new ones. The cost to go is quadratic in (q, v), with P and p,
+a trust mu keeps the new ones. The cost to go is quadratic in (q, v), V = 1/2 s'P s + g's. A step
+back with E = [h I; I] completes the square in u:
 
-    V = 1/2 [q; v]' P [q; v] - p' [q; v].
-
-A step back with E = [h I; I] completes the square in u:
-
-    Q = R/t + E'PE = L L',   Y = L^-1 [E'P [I; 0], -R/t],   y = L^-1 (E'p - r),
-    P <- diag(P_qq, R/t) - Y'Y,   p <- [p_q; r] - Y'y,     u = L'^-1 (y - Y [q; v])
+    Q = R/t + E'PE = L L',   Y = L^-1 [E'P [I; 0], -R/t, E'g + r],   u = -L'^-1 Y [q; v; 1]
+    [P, g] <- [diag(P_qq, R/t), [g_q; -r]] - [Y_q, Y_v]' Y
 
 so that for the first step 1/2 |u - v|^2_R / T + r'(u - v) + V(q + T u, u) is a law's W and b.
+
+Matrices S = [P, g] and Y have w >= 2 n + 1 columns, a multiple of 16, of which the last are zero:
+loops over as many are what processors do at once. So have the rows of a linearisation [A, 0, -c],
+which stand for 1/2 rho |A q - c|^2.
 
 A chain of k joints is `turns` (k + 1, 3, 3) and `offsets` (k + 1, 3), from each joint's frame to
 the next, the last to the tip, then `joints` (k,), their indices, and `slides` (k,): each turns
@@ -27,9 +28,9 @@ about, or slides along, the z axis of its frame.
 import numpy as np
 from numba import boolean, float64, int64, void
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
-_RHO = 3.5e5  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
+_RHO = 5e5  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
 _STIFFNESS = 1e4  # of the excess of ranges
 _LONGEST = 0.1  # [m] error that counts at once: a linearisation holds no farther
 _LEVER = 1.0  # [m] on which an angle counts by its arc
@@ -48,52 +49,67 @@ _MOST_ITERATIONS = 80
 _STALLED = 1e-5  # relative improvement that counts as none
 _NEAR_HALF_A_TURN = 3.13  # [rad]; no axis is known beyond it, and the turn counts as none
 
+_BLOCK = 16  # columns
+
 _VECTOR = float64[::1]
 _MATRIX = float64[:, ::1]
 _ARRAY = float64[:, :, ::1]
+
+
+def width(n: int) -> int:
+    """w, for n joints."""
+    return (2 * n // _BLOCK + 1) * _BLOCK
+
+
+_width = part(width)
 
 
 @part
 def _place(
     q: np.ndarray, chain: tuple[np.ndarray, ...], J: np.ndarray, x: np.ndarray, R: np.ndarray
 ) -> None:
-    """Write the tip's Jacobian (6, n), position (3,) and orientation (3, 3)."""
+    """Write the tip's Jacobian (6, n), unless that is empty, position (3,) and
+    orientation (3, 3).
+    """
     turns, offsets, joints, slides = chain
     origins = np.empty((len(joints), 3))
     axes = np.empty((len(joints), 3))
-    row = np.empty(3)
     R[:] = turns[0]
     x[:] = offsets[0]
     for j in range(len(joints)):
         value = q[joints[j]]
         sine = np.sin(value)
         cosine = np.cos(value)
+        turn = turns[j + 1]
+        offset = offsets[j + 1]
         for i in range(3):
+            a = R[i, 0]
+            b = R[i, 1]
+            c = R[i, 2]
             origins[j, i] = x[i]
-            axes[j, i] = R[i, 2]
-            row[:] = R[i]
+            axes[j, i] = c
             if slides[j]:
-                x[i] += value * row[2]
+                x[i] += value * c
             else:
-                row[0] = cosine * R[i, 0] + sine * R[i, 1]
-                row[1] = cosine * R[i, 1] - sine * R[i, 0]
+                a = cosine * R[i, 0] + sine * b
+                b = cosine * b - sine * R[i, 0]
+            x[i] += a * offset[0] + b * offset[1] + c * offset[2]
             for k in range(3):
-                R[i, k] = 0.0
-            for c in range(3):
-                x[i] += row[c] * offsets[j + 1, c]
-                for k in range(3):
-                    R[i, k] += row[c] * turns[j + 1, c, k]
+                R[i, k] = a * turn[0, k] + b * turn[1, k] + c * turn[2, k]
+    if not len(J):
+        return
     for j in range(len(joints)):
         column = joints[j]
-        for i in range(3):
-            following = (i + 1) % 3
-            last = (i + 2) % 3
-            J[i, column] = axes[j, i]
-            J[3 + i, column] = 0.0
-            if not slides[j]:
-                J[3 + i, column] = axes[j, i]
-                J[i, column] = axes[j, following] * (x[last] - origins[j, last])
-                J[i, column] -= axes[j, last] * (x[following] - origins[j, following])
+        axis = axes[j]
+        origin = origins[j]
+        if slides[j]:
+            J[:3, column] = axis
+            J[3:, column] = 0.0
+            continue
+        J[0, column] = axis[1] * (x[2] - origin[2]) - axis[2] * (x[1] - origin[1])
+        J[1, column] = axis[2] * (x[0] - origin[0]) - axis[0] * (x[2] - origin[2])
+        J[2, column] = axis[0] * (x[1] - origin[1]) - axis[1] * (x[0] - origin[0])
+        J[3:, column] = axis
 
 
 @inlined
@@ -123,11 +139,12 @@ def _linearise(
     A: np.ndarray,
     e: np.ndarray,
 ) -> None:
-    """Write the Jacobian A (K, m, n) and the error e (K, m), x_d - x, at each node; an angle counts
-    by its arc, and an error at most by _LONGEST.
+    """Write the rows A (K, m, w), unless that is empty, and the error e (K, m), x_d - x, at each
+    node; an angle counts by its arc, and an error at most by _LONGEST.
     """
+    n = nodes.shape[1]
     m = e.shape[1]
-    J = np.zeros((6, nodes.shape[1]))
+    J = np.zeros((6 if len(A) else 0, n))
     x = np.empty(3)
     R = np.empty((3, 3))
     error = np.zeros(6)
@@ -137,9 +154,6 @@ def _linearise(
         if m > 3:
             _turn(R, turned[j], error)
             error[3:] *= _LEVER
-        A[j, :3] = J[:3]
-        for i in range(3, m):
-            A[j, i] = _LEVER * J[i]
         for half in range(0, m, 3):
             square = 0.0
             for i in range(half, half + 3):
@@ -147,6 +161,14 @@ def _linearise(
             shorter = min(_LONGEST / max(np.sqrt(square), 1e-300), 1.0)
             for i in range(half, half + 3):
                 e[j, i] = shorter * error[i]
+        for i in range(m if len(A) else 0):
+            row = A[j, i]
+            c = e[j, i]
+            for k in range(n):
+                row[k] = J[i, k] if i < 3 else _LEVER * J[i, k]
+                c += row[k] * nodes[j, k]
+            row[n:] = 0.0
+            row[2 * n] = -c
 
 
 @part
@@ -185,8 +207,8 @@ def _merit(
 
 @compiled(
     void(
-        *(vector(), vector(), _MATRIX, _ARRAY, _MATRIX, float64, float64, float64, float64),
-        *(vector(), vector(), _ARRAY, _MATRIX, _ARRAY, _MATRIX, _VECTOR),
+        *(vector(), vector(), _MATRIX, _ARRAY, float64, float64, float64, float64),
+        *(vector(), vector(), _ARRAY, _MATRIX, _ARRAY, _ARRAY, _MATRIX, _VECTOR),
     )
 )
 def _recurse(
@@ -194,7 +216,6 @@ def _recurse(
     v: np.ndarray,
     nodes: np.ndarray,
     A: np.ndarray,
-    e: np.ndarray,
     T: float,
     h: float,
     damping: float,
@@ -203,103 +224,95 @@ def _recurse(
     upper: np.ndarray,
     R: np.ndarray,
     r: np.ndarray,
-    gains: np.ndarray,
+    L: np.ndarray,
+    Y: np.ndarray,
     W: np.ndarray,
     b: np.ndarray,
 ) -> None:
-    """Write the gains [L, Y, y] of the steps but the first, (K, n, 3 n + 1), and W and b of the
-    first one, (n, n), (n,). R (K + 1, n, n) and r (K + 1, n) may be empty, for I and 0.
+    """Write L (K, n, n) and Y (K, n, w) of the steps but the first, and W and b of the first one,
+    (n, n), (n,). R (K + 1, n, n) and r (K + 1, n) may be empty, for I and 0.
     """
     K, n = nodes.shape
-    m = e.shape[1]
+    w = Y.shape[2]
     weighted = len(R) > 0
-    P = np.zeros((2 * n, 2 * n))
-    p = np.zeros(2 * n)
+    S = np.zeros((2 * n, w))
     for i in range(n):
-        P[n + i, n + i] = damping
-    Q = np.empty((n, n))
+        S[n + i, n + i] = damping
     for j in range(K - 1, -1, -1):
-        node = nodes[j]
-        for i in range(m):
-            row = A[j, i]
-            c = e[j, i]
-            for k in range(n):
-                c += row[k] * node[k]
-            c *= _RHO
-            for k in range(n):
-                p[k] += c * row[k]
-                f = _RHO * row[k]
-                for d in range(n):
-                    P[k, d] += f * row[d]
-        for k in range(n):
-            P[k, k] += trust
-            p[k] += trust * node[k]
-            if node[k] > upper[k]:
-                P[k, k] += _STIFFNESS
-                p[k] += _STIFFNESS * upper[k]
-            if node[k] < lower[k]:
-                P[k, k] += _STIFFNESS
-                p[k] += _STIFFNESS * lower[k]
         t = (h + T) / 2.0 if j == 0 else h
-        G = gains[j]
+        for i in range(A.shape[1]):
+            row = A[j, i]
+            for k in range(n):
+                c = _RHO * row[k]
+                for d in range(w):
+                    S[k, d] += c * row[d]
+        for k in range(n):
+            S[k, k] += trust
+            S[k, 2 * n] -= trust * nodes[j, k]
+            if not lower[k] <= nodes[j, k] <= upper[k]:
+                S[k, k] += _STIFFNESS
+                S[k, 2 * n] -= _STIFFNESS * min(max(nodes[j, k], lower[k]), upper[k])
+        factor = L[j]
+        G = Y[j]
+        for k in range(n):  # Q in `factor`, then Q = L L'
+            for d in range(w):
+                G[k, d] = h * S[k, d] + S[n + k, d]
+            for d in range(n):
+                factor[k, d] = h * G[k, d] + G[k, n + d]
+                G[k, n + d] = 0.0
+                if weighted:
+                    G[k, n + d] = -R[j + 1, k, d] / t
+                elif k == d:
+                    G[k, n + d] = -1.0 / t
+                factor[k, d] -= G[k, n + d]
+            if weighted:
+                G[k, 2 * n] += r[j + 1, k]
         for k in range(n):
             for d in range(n):
-                c = h * P[k, d] + P[n + k, d]
-                G[k, n + d] = c
-                G[k, 2 * n + d] = -R[j + 1, k, d] / t if weighted else 0.0
-                Q[k, d] = h * c + h * P[k, n + d] + P[n + k, n + d] - G[k, 2 * n + d]
-            if not weighted:
-                G[k, 2 * n + k] = -1.0 / t
-                Q[k, k] += 1.0 / t
-            G[k, 3 * n] = h * p[k] + p[n + k] - (r[j + 1, k] if weighted else 0.0)
-        for k in range(n):  # Q = L L', and L^-1 of the other columns
-            for d in range(k):
-                c = Q[k, d]
-                for i in range(d):
-                    c -= G[k, i] * G[d, i]
-                c /= G[d, d]
-                G[k, d] = c
-                for i in range(n, 3 * n + 1):
-                    G[k, i] -= c * G[d, i]
-            c = Q[k, k]
+                S[k, n + d] = 0.0
+            for d in range(w):
+                S[n + k, d] = 0.0
+            for d in range(n):
+                S[n + k, n + d] = -G[k, n + d]
+            if weighted:
+                S[n + k, 2 * n] = -r[j + 1, k]
+        for k in range(n):
             for i in range(k):
-                c -= G[k, i] * G[k, i]
-            G[k, k] = np.sqrt(c)
-            c = 1.0 / G[k, k]
-            for i in range(n, 3 * n + 1):
-                G[k, i] *= c
-        for k in range(n):
-            for d in range(n):
-                P[k, n + d] = 0.0
-                P[n + k, d] = 0.0
-                P[n + k, n + d] = R[j + 1, k, d] / t if weighted else 0.0
-            if not weighted:
-                P[n + k, n + k] = 1.0 / t
-            p[n + k] = r[j + 1, k] if weighted else 0.0
-        for i in range(n):
-            row = G[i, n:]
-            y = row[2 * n]
-            for k in range(2 * n):
-                c = row[k]
-                p[k] -= c * y
-                for d in range(2 * n):
-                    P[k, d] -= c * row[d]
+                c = factor[k, i]
+                for d in range(i):
+                    c -= factor[k, d] * factor[i, d]
+                c /= factor[i, i]
+                factor[k, i] = c
+                for d in range(w):
+                    G[k, d] -= c * G[i, d]
+            c = factor[k, k]
+            for d in range(k):
+                c -= factor[k, d] * factor[k, d]
+            factor[k, k] = np.sqrt(c)
+            c = 1.0 / factor[k, k]
+            for d in range(w):
+                G[k, d] *= c
+        for k in range(2 * n):
+            for i in range(n):
+                c = G[i, k]
+                for d in range(w):
+                    S[k, d] -= c * G[i, d]
+    Q = np.empty((n, n))
     for k in range(n):
-        b[k] = T * (T * p[k] + p[n + k])
+        b[k] = -T * (T * S[k, 2 * n] + S[n + k, 2 * n])
         for d in range(n):
-            c = T * P[k, d] + P[n + k, d]
+            c = T * S[k, d] + S[n + k, d]
             b[k] -= T * c * q[d]
-            W[k, d] = T * (T * c + T * P[k, n + d] + P[n + k, n + d])
-        if not weighted:
-            W[k, k] += 1.0
-            b[k] += v[k]
-    if weighted:
-        for k in range(n):
-            b[k] -= T * r[0, k]
-            for d in range(n):
+            W[k, d] = T * (T * c + T * S[k, n + d] + S[n + k, n + d])
+            if weighted:
                 W[k, d] += R[0, k, d]
                 b[k] += R[0, k, d] * v[d]
-    for k in range(n):  # W = L L' in Q, and W^-1
+            elif k == d:
+                W[k, k] += 1.0
+                b[k] += v[k]
+        if weighted:
+            b[k] -= T * r[0, k]
+    for k in range(n):  # W = Q Q', and W^-1
         for d in range(k + 1):
             c = W[k, d]
             for i in range(d):
@@ -319,27 +332,32 @@ recurse = direct(_recurse)
 
 @part
 def _roll_out(
-    q: np.ndarray, v: np.ndarray, h: float, elapsed: float, gains: np.ndarray, nodes: np.ndarray
+    q: np.ndarray,
+    v: np.ndarray,
+    h: float,
+    elapsed: float,
+    L: np.ndarray,
+    Y: np.ndarray,
+    nodes: np.ndarray,
 ) -> None:
-    """Write the nodes to which gains lead from (q, v), as they are after some time."""
+    """Write the nodes to which L and Y lead from (q, v), as they are after some time."""
     K, n = nodes.shape
     at = q.copy()
     u = v.copy()
-    w = np.empty(n)
+    y = np.empty(n)
     for j in range(K):
-        G = gains[j]
         for k in range(n):
-            c = G[k, 3 * n]
+            c = -Y[j, k, 2 * n]
             for d in range(n):
-                c -= G[k, n + d] * at[d] + G[k, 2 * n + d] * u[d]
-            w[k] = c
+                c -= Y[j, k, d] * at[d] + Y[j, k, n + d] * u[d]
+            y[k] = c
         for k in range(n - 1, -1, -1):
             for i in range(k + 1, n):
-                w[k] -= G[i, k] * w[i]
-            w[k] /= G[k, k]
+                y[k] -= L[j, i, k] * y[i]
+            y[k] /= L[j, k, k]
         for k in range(n):
-            u[k] = w[k]
-            at[k] += h * w[k]
+            u[k] = y[k]
+            at[k] += h * y[k]
             nodes[j, k] = at[k]
     _shift(nodes, elapsed / h, h * u)
 
@@ -357,7 +375,8 @@ def _shift(nodes: np.ndarray, steps: float, last: np.ndarray) -> None:
 @part
 def _approach(A: np.ndarray, e: np.ndarray, damping: float, node: np.ndarray) -> None:
     """Add the least step that corrects the error e (m,), A' (A A' + damping I)^-1 e, to a node."""
-    m, n = A.shape
+    m = len(A)
+    n = len(node)
     L = np.empty((m, m))
     y = np.empty(m)
     for i in range(m):
@@ -415,10 +434,10 @@ def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) ->
 
 @direct
 @compiled(
-    float64(
+    several(float64, float64)(
         *(vector(), vector(), float64, float64, float64, vector(), vector()),
         *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _VECTOR, _MATRIX, _MATRIX),
-        *(float64, _MATRIX, _ARRAY, float64, _MATRIX, _ARRAY, _MATRIX),
+        *(float64, _MATRIX, _ARRAY, _ARRAY, float64, float64, _MATRIX, _ARRAY, _MATRIX),
     )
 )
 def next_nodes(
@@ -438,17 +457,21 @@ def next_nodes(
     rotations: np.ndarray,
     elapsed: float,
     old_nodes: np.ndarray,
-    old_gains: np.ndarray,
+    old_L: np.ndarray,
+    old_Y: np.ndarray,
     trust: float,
+    merit: float,
     nodes: np.ndarray,
     A: np.ndarray,
     e: np.ndarray,
-) -> float:
-    """Write the nodes (K, n) of a plan from (q, v), and their linearisation A (K, m, n), e (K, m);
-    the trust to put in it; -1 for a path that begins farther than _LONGEST from the tip.
+) -> tuple[float, float]:
+    """Write the nodes (K, n) of a plan from (q, v), and their linearisation A (K, m, w), e (K, m);
+    the trust to put in it, -1 for a path that begins farther than _LONGEST from the tip, and its
+    merit.
 
-    They are those to which the old gains lead, unless the old nodes, empty for none, have a lower
-    merit. The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) for m = 6.
+    They are those to which the old plan leads, unless the merit would rise by them, and that of its
+    own nodes, empty for none, would not. The path is given by `times` (N,), positions (N, 3), and
+    rotations (N, 9) for m = 6.
     """
     K, n = nodes.shape
     m = e.shape[1]
@@ -461,7 +484,7 @@ def next_nodes(
     for i in range(3):
         square += (first[i] - x[i]) ** 2
     if not square <= _LONGEST * _LONGEST:
-        return -1.0
+        return -1.0, 0.0
     X = np.empty((K, 3))
     turned = np.empty((K, 3, 3))
     for j in range(K):
@@ -469,48 +492,45 @@ def next_nodes(
         _sample(times, positions, t, X[j])
         if m > 3:
             _sample(times, rotations, t, turned[j].reshape(9))
-    gains = np.empty((K, n, 3 * n + 1))
-    W = np.empty((n, n))
-    b = np.empty(n)
     no_R = np.empty((0, n, n))
     no_r = np.empty((0, n))
+    L = np.empty((K, n, n))
+    Y = np.empty((K, n, A.shape[2]))
+    W = np.empty((n, n))
+    b = np.empty(n)
+    kept = np.empty((K, n))
+    kept_e = np.empty((K, m))
     if len(old_nodes):
-        nodes[:] = old_nodes
-        _shift(nodes, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
+        kept[:] = old_nodes
+        _shift(kept, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
     else:
         for j in range(K):
-            nodes[j] = q if j == 0 else nodes[j - 1]
-            _approach_path(
-                nodes[j : j + 1],
-                X[j : j + 1],
-                turned[j : j + 1],
-                _GUESSES,
-                _SINGULAR,
-                chain,
-                A[j : j + 1],
-                e[j : j + 1],
-            )
-    _linearise(nodes, X, turned, chain, A, e)
-    other = np.empty((K, n))
-    other_A = np.empty((K, m, n))
-    other_e = np.empty((K, m))
-    for _ in range(1 if len(old_nodes) else _WARM):
-        if len(old_nodes):
-            _roll_out(q, v, h, elapsed, old_gains, other)
+            kept[j] = q if j == 0 else kept[j - 1]
+            node = kept[j : j + 1]
+            end = j + 1
+            _approach_path(node, X[j:end], turned[j:end], _GUESSES, _SINGULAR, chain, A, e)
+    is_new = len(old_nodes) == 0
+    for _ in range(_WARM if is_new else 1):
+        if is_new:
+            _linearise(kept, X, turned, chain, A, kept_e)
+            _recurse(q, v, kept, A, T, h, damping, trust, lower, upper, no_R, no_r, L, Y, W, b)
+            _roll_out(q + T * v, v, h, 0.0, L, Y, nodes)
         else:
-            _recurse(q, v, nodes, A, e, T, h, damping, trust, lower, upper, no_R, no_r, gains, W, b)
-            _roll_out(q + T * v, v, h, 0.0, gains, other)
-        _linearise(other, X, turned, chain, other_A, other_e)
-        before = _merit(q, v, nodes, e, T, h, damping, lower, upper)
-        after = _merit(q, v, other, other_e, T, h, damping, lower, upper)
-        if after <= before * (1.0 + _ROUNDING):
-            nodes[:] = other
-            A[:] = other_A
-            e[:] = other_e
+            _roll_out(q, v, h, elapsed, old_L, old_Y, nodes)
+        _linearise(nodes, X, turned, chain, A, e)
+        after = _merit(q, v, nodes, e, T, h, damping, lower, upper)
+        if is_new or after > merit:  # else the old nodes need not be asked
+            _linearise(kept, X, turned, chain, no_R, kept_e)
+            merit = _merit(q, v, kept, kept_e, T, h, damping, lower, upper) * (1.0 + _ROUNDING)
+        if after <= merit:
             trust = max(trust / _FASTER, _LEAST_TRUST)
+            merit = after
+            kept[:] = nodes
         else:
             trust = min(trust * _SLOWER, _MOST_TRUST)
-    return trust
+            nodes[:] = kept
+            _linearise(nodes, X, turned, chain, A, e)
+    return trust, merit
 
 
 @direct
@@ -542,9 +562,11 @@ def improve_motion(
     m = 6 if len(turned) else 3
     chain = turns, offsets, joints, slides
     v = np.zeros(n)
-    A = np.empty((K, m, n))
+    w = _width(n)
+    A = np.empty((K, m, w))
     e = np.empty((K, m))
-    gains = np.empty((K, n, 3 * n + 1))
+    L = np.empty((K, n, n))
+    Y = np.empty((K, n, w))
     W = np.empty((n, n))
     b = np.empty(n)
     no_R = np.empty((0, n, n))
@@ -555,8 +577,8 @@ def improve_motion(
     merit = _merit(q, v, nodes, e, T, T, 0.0, lower, upper)
     stalled = 0
     for _ in range(_MOST_ITERATIONS):
-        _recurse(q, v, nodes, A, e, T, T, 0.0, trust, lower, upper, no_R, no_r, gains, W, b)
-        _roll_out(q, v, T, 0.0, gains, other)
+        _recurse(q, v, nodes, A, T, T, 0.0, trust, lower, upper, no_R, no_r, L, Y, W, b)
+        _roll_out(q, v, T, 0.0, L, Y, other)
         _approach_path(other, X, turned, 2, _ON_PATH, chain, A, e)
         after = _merit(q, v, other, e, T, T, 0.0, lower, upper)
         if after < merit:

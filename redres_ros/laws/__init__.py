@@ -98,7 +98,7 @@ class MinimumAcceleration(Law):
     def objective(
         self, state: RobotState, T: Seconds
     ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
-        ahead = state.tick.ahead
+        ahead = state.ahead
         if ahead is not None and self.horizon > 0.0:
             from redres_ros.laws.look_ahead import look_ahead  # compiled: loaded only if in use
 

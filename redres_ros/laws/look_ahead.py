@@ -12,30 +12,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.kernels.look_ahead import next_nodes, recurse
-from redres_ros.preview import Preview
+from redres_ros.kernels.look_ahead import next_nodes, recurse, width
+from redres_ros.preview import Ahead
 from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointVelocities, Seconds
 
-_NODES = 9  # of the plan, after the end of the first step
+_NODES = 7  # of the plan, after the end of the first step
 
 
 class MotionPlan(NamedTuple):
     """The motion that the last tick planned; the next one continues it."""
 
     nodes: np.ndarray  # (K, n) [rad]
-    gains: np.ndarray  # (K, n, 3 n + 1)
+    L: np.ndarray  # (K, n, n)
+    Y: np.ndarray  # (K, n, w), as kernels/look_ahead.py has them
     trust: float
+    merit: float
     horizon: Seconds
 
 
-_NO_PLAN = MotionPlan(np.empty((0, 0)), np.empty((0, 0, 0)), 3.0, 0.0)
+_NO_PLAN = MotionPlan(np.empty((0, 0)), *2 * (np.empty((0, 0, 0)),), 3.0, 0.0, 0.0)
 _NO_EFFORT = np.empty((0, 0, 0)), np.empty((0, 0))  # R = I, r = 0
 
 
 def look_ahead(
-    state: RobotState, ahead: Preview, T: Seconds, horizon: Seconds, damping: float, *, effort: bool
+    state: RobotState, ahead: Ahead, T: Seconds, horizon: Seconds, damping: float, *, effort: bool
 ) -> tuple[Weight, JointVelocities, MotionPlan] | None:
     """W, b and the plan behind them; None for a path that begins elsewhere than at the tip.
 
@@ -43,32 +45,34 @@ def look_ahead(
         damping: k_d, with which the motion comes to rest beyond the horizon [1/s].
         effort: The torques beyond gravity count as much as the accelerations.
     """
+    path = ahead.path
     model = state.model
     n = model.n
-    m = 6 if len(ahead.rotations) else 3
+    m = 6 if len(path.rotations) else 3
     h = horizon / _NODES
-    plan = state.plan or _NO_PLAN
+    plan = ahead.plan or _NO_PLAN
     if plan.horizon != horizon:  # another law's
         plan = _NO_PLAN
     nodes = np.empty((_NODES, n))
-    A = np.empty((_NODES, m, n))
+    w = width(n)
+    A = np.empty((_NODES, m, w))
     e = np.empty((_NODES, m))
     # as much as one more step, that is free, would still cost
     settings = T, h, damping / (1.0 + damping * h)
     inside = model.inner_range
-    path = ahead.times, ahead.positions, ahead.rotations
-    trust = next_nodes(
-        *(state.q, state.dq_prev, *settings, *inside, *model.chain, *path),
-        *(state.tick.elapsed, *plan[:3], nodes, A, e),
+    trust, merit = next_nodes(
+        *(state.q, state.dq_prev, *settings, *inside, *model.chain),
+        *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5], nodes, A, e),
     )
     if not trust > 0.0:
         return None
     R, r = _effort(state, nodes, T, h) if effort else _NO_EFFORT
-    gains = np.empty((_NODES, n, 3 * n + 1))
+    L = np.empty((_NODES, n, n))
+    Y = np.empty((_NODES, n, w))
     W = np.empty((n, n))
     b = np.empty(n)
-    recurse(*(state.q, state.dq_prev, nodes, A, e, *settings, trust, *inside, R, r, gains, W, b))
-    return W, b, MotionPlan(nodes, gains, trust, horizon)
+    recurse(state.q, state.dq_prev, nodes, A, *settings, trust, *inside, R, r, L, Y, W, b)
+    return W, b, MotionPlan(nodes, L, Y, trust, merit, horizon)
 
 
 def _effort(
