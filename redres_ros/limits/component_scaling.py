@@ -136,21 +136,21 @@ def solve_components(
     tasks: Sequence[Level],
     box: Box,
     rows: Sequence[Rows],
-    active_set: np.ndarray,
+    active_sets: np.ndarray,
     components: Sequence[Component],
     steady_box: Box,
     dq_prev: JointVelocities,
     yielding: Yielding,
 ) -> tuple[Constrained, float, float]:
-    """As solve_constrained(), also `active_set`, with a scaling factor for each component of the
-    first task; and what Yielding.after() takes. The steady box is that without the limits on
-    accelerations.
+    """As solve_constrained(), with a scaling factor for each component of the first task; and what
+    Yielding.after() takes. The steady box is that without the limits on accelerations; each of the
+    three searches has a row of `active_sets`.
     """
     asked = [component for component in components if component.is_asked]
     least = 0.0
     s = None
     if len(asked) == len(components) or not asked:
-        whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
+        whole = solve_constrained(dq_free, W, tasks, box, rows, active_sets[0])
         is_exact = whole.error <= _NOTICEABLE
         if (is_exact and whole.s >= 1.0) or not np.isfinite(whole.error) or not asked:
             return replace(whole, component_scaling=(whole.s,) * len(components)), 1.0, 1.0
@@ -159,15 +159,15 @@ def solve_components(
     leading = max(asked, key=lambda each: (1 + (_LEAD - 1) * each.fraction(dq_prev)) * each.length)
     following = [component for component in components if component is not leading]
     problem = _Problem(dq_free, W, tasks[1:], box, rows, leading, following)
-    solved = problem.solved(yielding, least)
+    solved = problem.solved(yielding, least, active_sets[1])
     executed = leading.fraction(solved.dq) / _speed(yielding.sliding)
     steady = executed
     if executed < _LITTLE or yielding.weight or yielding.sliding:
-        unhurried = problem._replace(W=None, box=steady_box, tasks=()).solved(Yielding(), 0.0)
-        steady = leading.fraction(unhurried.dq)
-    scaling = tuple(component.fraction(solved.dq) for component in components)
-    s = min(scaling) if s is None else s
-    return replace(solved, s=s, component_scaling=scaling), steady, executed
+        problem = problem._replace(W=None, tasks=(), box=steady_box)
+        steady = leading.fraction(problem.solved(Yielding(), 0.0, active_sets[2]).dq)
+    solved.component_scaling = tuple(component.fraction(solved.dq) for component in components)
+    solved.s = min(solved.component_scaling) if s is None else s
+    return solved, steady, executed
 
 
 class _Problem(NamedTuple):
@@ -181,36 +181,37 @@ class _Problem(NamedTuple):
     leading: Component
     following: Sequence[Component]
 
-    def solved(self, yielding: Yielding, least: float) -> Constrained:
+    def solved(self, yielding: Yielding, least: float, active_set: np.ndarray) -> Constrained:
         """The optimum, where no component that is asked for has less than a factor."""
-        rows = list(self.rows)
+        weight = yielding.weight
         rates = self.leading.rates
-        length = self.leading.length
-        no_factor = rates[:0], _NO_RATES
-        if yielding.weight or yielding.sliding:
+        most = _speed(yielding.sliding) * self.leading.length
+        if weight or yielding.sliding:
             least = 0.0
-        levels = [no_factor, (rates[:1], np.array((_speed(yielding.sliding) * length,)))]
+        rows = list(self.rows)
+        levels = [(rates[:0], _NO_RATES), (rates[:1], np.array((most,)))]
         for each in self.following:
-            wanted = np.zeros(len(each.rates))
-            wanted[0] = each.length
-            spread = yielding.weight * each.spread / math.sqrt(len(each.rates))  # a cube
-            low = wanted - spread
-            low[0] = min(low[0], least * each.length if each.is_asked else 0.0)
-            if yielding.weight:
+            spread = weight * each.spread / math.sqrt(len(each.rates))  # a cube
+            low = [-spread] * len(each.rates)
+            low[0] = min(each.length - spread, least * each.length if each.is_asked else 0.0)
+            if weight:
                 low[0] = max(low[0], -each.away)
-            rows.append((each.rates, low, wanted + spread))
-            levels.append((each.rates, wanted))
-        across = rates[1:]
-        slope = math.tan(_tolerance(yielding.sliding)) / math.sqrt(max(len(across), 1))
+            high = [spread] * len(each.rates)
+            high[0] += each.length
+            rows.append((each.rates, np.array(low), np.array(high)))
+            count = len(low) if weight else 1
+            levels.append((each.rates[:count], np.array((each.length, 0.0, 0.0))[:count]))
+        count = len(rates) - 1
+        slope = math.tan(_tolerance(yielding.sliding)) / math.sqrt(max(count, 1))
         along = slope * rates[0]
-        cone = np.concatenate((across - along, -across - along, rates[:1]))  # a pyramid
-        low = np.full(len(cone), -np.inf)
-        low[-1] = least * length
-        high = np.zeros(len(cone))
-        high[-1] = _speed(yielding.sliding) * length
-        rows.append((cone, low, high))
-        levels += [(across, np.zeros(len(across))), *self.tasks]
-        return solve_constrained(self.dq_free, self.W, levels, self.box, rows)
+        cone = np.concatenate((rates[:1], rates[1:] - along, -rates[1:] - along))  # a pyramid
+        ends = (
+            (least * self.leading.length, *(-np.inf,) * (2 * count)),
+            (most, *(0.0,) * (2 * count)),
+        )
+        rows.append((cone, *np.array(ends)))
+        levels += [(rates[1:], np.zeros(count)), *self.tasks]
+        return solve_constrained(self.dq_free, self.W, levels, self.box, rows, active_set)
 
 
 def _tolerance(sliding: float) -> float:

@@ -70,16 +70,15 @@ class Bounds:
         `components` has the number of rows of each component of the first task that gets a scaling
         factor of its own; empty: one factor for all. Its rows are scaled by `scale`.
         """
-        problem = dq, W, levels, self.box, self.rows, self.limits.active_set
+        limits = self.limits
+        problem = dq, W, levels, self.box, self.rows
         if components:
             split = split_components(levels[0], components, self.state.tick.correction, scale)
-            limits = self.limits
-            solved, steady, executed = solve_components(
-                *problem, split, self._steady_box(), self.state.dq_prev, limits.yielding
-            )
+            how = self._steady_box(), self.state.dq_prev, limits.yielding
+            solved, steady, executed = solve_components(*problem, limits.active_sets, split, *how)
             limits.yielding = limits.yielding.after(steady, executed, self.T)
         else:
-            solved = solve_constrained(*problem)
+            solved = solve_constrained(*problem, limits.active_sets[0])
         if self.rows and not self._can_be_kept(solved.dq):
             solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
@@ -161,7 +160,7 @@ class Limits:
             if isinstance(limit, JerkLimit):
                 self.jerk = self._joints['J'].copy()
         self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
-        self.active_set = np.zeros(model.n + 1, np.int64)  # of the last tick's search
+        self.active_sets = np.zeros((3, model.n + 1), np.int64)  # of its searches
         self.yielding = Yielding()  # of components, after the last tick
 
     def __iter__(self) -> Iterator[Limit]:
