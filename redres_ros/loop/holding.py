@@ -50,9 +50,7 @@ class HeldReference:
         self.begin(np.zeros(controller.model.n))
 
     def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
-        """The reference is held from now on, by an arm at q; that may go on by a lag (n,) if it has
-        followed a motion.
-        """
+        """The reference is held from now on, by an arm at q; after a motion that may lag behind."""
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
