@@ -1,6 +1,6 @@
 """Operators of a teleoperated arm, simulated: what somebody at a joystick commands.
 
-Both are seeded, know the pose of the end effector and nothing of the joints, and move the joystick
+They are seeded, know the pose of the end effector and nothing of the joints, and move the joystick
 smoothly.
 """
 
@@ -43,10 +43,11 @@ class Operator(ABC):
 
 
 class BlindOperator(Operator):
-    """Another random twist every two seconds."""
+    """Another random twist every two seconds; if translates, without rotation."""
 
-    def __init__(self, T: float, seed: int) -> None:
+    def __init__(self, T: float, seed: int, *, translates: bool = False) -> None:
         super().__init__(T, seed)
+        self._turn = 0.0 if translates else TURN  # [rad/s]
         self._until = 0.0  # [s]
         self._intended = np.zeros(6)
 
@@ -54,7 +55,7 @@ class BlindOperator(Operator):
         if t >= self._until:
             self._until = t + INTERVAL
             half = 0.5 * self.random.normal(size=6)
-            self._intended = within_range(np.repeat((SPEED, TURN), 3) * half)
+            self._intended = within_range(np.repeat((SPEED, self._turn), 3) * half)
         return self._intended
 
 

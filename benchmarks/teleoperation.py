@@ -37,9 +37,9 @@ HEADS = (
     'controller',
     'moving',
     'stuck',
+    'drift [deg/min]',
     'longest [s]',
     'near an end',
-    'drift [deg/min]',
     'acceleration / limit',
     'jerk [rad/s^3]',
     'goals reached / given up',
@@ -71,7 +71,11 @@ def main() -> None:
     options = parser.parse_args()
     print('|', ' | '.join(HEADS), '|')
     print('|---' * len(HEADS) + '|')
-    cases = list(product(('goal', 'blind'), options.arm, options.controller, range(options.seeds)))
+    cases = list(
+        product(
+            ('goal', 'translate', 'blind'), options.arm, options.controller, range(options.seeds)
+        )
+    )
     run = partial(
         run_case,
         seconds=options.seconds,
@@ -95,7 +99,7 @@ def run_case(
     """The figures of one operator, arm, controller and seed."""
     kind, arm, controller, seed = case
     model = RobotModel.named(arm)
-    operator: Operator = BlindOperator(T, seed)
+    operator: Operator = BlindOperator(T, seed, translates=kind == 'translate')
     if kind == 'goal':
         operator = GoalOperator(model, T, seed, position_only=position_only)
     if controller in OURS:
@@ -192,9 +196,9 @@ def joined(parts: list[dict[str, float]]) -> list[str]:
     return [
         f'{each["moving"].mean():.0%}',
         f'{each["stuck"].mean():.1%}',
+        '' if np.isnan(each['drift']).any() else f'{60.0 * np.degrees(each["drift"].mean()):.2f}',
         f'{each["longest"].max():.1f}',
         f'{each["near_end"].mean():.0%}',
-        f'{60.0 * np.degrees(each["drift"].mean()):.2f}' if goals else '',
         f'{each["acceleration"].max():.3f}',
         f'{np.sqrt(np.mean(each["jerk"] ** 2)):.0f}',
         f'{each["reached"].sum():.0f} / {each["given_up"].sum():.0f}' if goals else '',
@@ -215,13 +219,16 @@ def runs(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drift(motion: Motion) -> float:
-    """Turn of the end effector while only translation is commanded, by its duration [rad/s]."""
+    """Turn of the end effector while only translation is commanded, by its duration [rad/s]; NaN if
+    it never is.
+    """
     only_translation = ~(np.abs(motion.dx[:, 3:]) > 1e-3).any(axis=1)
     turned = 0.0
     for begin, end in zip(*runs(only_translation), strict=True):
         turn = pin.log3(motion.R[end - 1] @ motion.R[begin].T)
         turned += float(np.linalg.norm(turn))
-    return turned / max(T * np.count_nonzero(only_translation), T)
+    duration = T * np.count_nonzero(only_translation)
+    return turned / duration if duration > 1.0 else np.nan
 
 
 if __name__ == '__main__':
