@@ -20,9 +20,10 @@ without the limits on accelerations. Level 1 then becomes
     |J_f dq - c| <= SPREAD,   -c' J_f dq / |c| <= the speed that still ends within its cone,
 
 and level 4 the least |J_f dq - c|. If that leaves little, too, the leading one slides along what
-stops it. Both are blended in: bounds widen. A component that the arm executes already counts _LEAD
-times as much: else the two might come to rest where both are of one size, each undoing what the
-other does.
+stops it, and at last both creep out of these bounds, so that an arm whose joints are at their ends
+does not lock. All this is blended in: bounds widen. A component that the arm executes already
+counts _LEAD times as much: else the two might come to rest where both are of one size, each undoing
+what the other does.
 """
 
 import math
@@ -40,7 +41,7 @@ from redres_ros.types import Jacobian, JointVelocities, Seconds
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
 _SLIDING_TOLERANCE = float(np.radians(85.0))  # [rad], if it leaves nothing
-SPREAD = 0.8  # [rad/s] by which a component that gives way may differ from its velocity
+SPREAD = 0.7  # [rad/s] by which a component that gives way may differ from its velocity
 RADIUS = 0.25  # [m] at which a turn counts as a speed
 _LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
 
@@ -52,6 +53,7 @@ _DELAY = 0.1  # [s] for which little must be left
 _SLOW = 0.2
 _BACK = 0.1
 _BLEND = 0.15  # [s]
+_CREEP = 0.05, 0.02  # of its velocity the leading one, of its spread the other one
 
 _NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
 _NOTHING = 1e-9  # of dx; a component with less is not asked for
@@ -184,6 +186,7 @@ class _Problem(NamedTuple):
     def solved(self, yielding: Yielding, least: float, active_set: np.ndarray) -> Constrained:
         """The optimum, where no component that is asked for has less than a factor."""
         weight = yielding.weight
+        stuck = weight * yielding.sliding
         rates = self.leading.rates
         most = _speed(yielding.sliding) * self.leading.length
         if weight or yielding.sliding:
@@ -196,6 +199,8 @@ class _Problem(NamedTuple):
             low[0] = min(each.length - spread, least * each.length if each.is_asked else 0.0)
             if weight:
                 low[0] = max(low[0], -each.away)
+            if stuck:
+                low[0] = min(low[0], -_CREEP[1] * stuck * each.spread)
             high = [spread] * len(each.rates)
             high[0] += each.length
             rows.append((each.rates, np.array(low), np.array(high)))
@@ -205,11 +210,9 @@ class _Problem(NamedTuple):
         slope = math.tan(_tolerance(yielding.sliding)) / math.sqrt(max(count, 1))
         along = slope * rates[0]
         cone = np.concatenate((rates[:1], rates[1:] - along, -rates[1:] - along))  # a pyramid
-        ends = (
-            (least * self.leading.length, *(-np.inf,) * (2 * count)),
-            (most, *(0.0,) * (2 * count)),
-        )
-        rows.append((cone, *np.array(ends)))
+        creep = _CREEP[0] * stuck * self.leading.length
+        low = [least * self.leading.length - creep, *(-np.inf,) * (2 * count)]
+        rows.append((cone, np.array(low), np.array((most, *(creep,) * (2 * count)))))
         levels += [(rates[1:], np.zeros(count)), *self.tasks]
         return solve_constrained(self.dq_free, self.W, levels, self.box, rows, active_set)
 
