@@ -1,4 +1,4 @@
-"""Films docs/demo.webp: two laws on the paper's task, one stopped by the robot and one not.
+"""Films docs/demo.webp: the paper's task under a greedy law, stopped by the robot, and looking ahead.
 
 Run it with: python docs/film.py
 """
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from render import render
 
+from redres_ros import Controller, make_law, run
 from redres_ros.paper.runs import MOTIONS, Runs
 from redres_ros.simulation.colours import AXES, law_colour
 from redres_ros.simulation.recording import Recording
@@ -52,10 +53,13 @@ class FilmedMotion:
 def main() -> None:
     """Run the two experiments and film them, in real time, above a plot of a column of both."""
     runs = Runs()
-    motions = []
-    for name in ('measured_2', 'measured_23'):
-        law = MOTIONS[name].law
-        motions.append(FilmedMotion(runs[name].recording, law, law))
+    greedy = MOTIONS['measured_2'].law
+    law = make_law('minimum_acceleration', horizon=2.0)
+    ahead = run(Controller(runs.experiment_model, law, 0.002), runs.task)
+    motions = [
+        FilmedMotion(runs['measured_2'].recording, greedy, greedy),
+        FilmedMotion(ahead, 'minimum_acceleration, 2 s ahead', 'minimum_acceleration'),
+    ]
     end = max(motion.recording['t'][-1] for motion in motions)
     times = np.arange(0.0, end + LAST, 1.0 / RATE)
     arms = []

@@ -1,6 +1,6 @@
 """Draws docs/evidence.png and writes the tables of docs/choosing_a_law.md from results of a study.
 
-Run it with: python docs/make_evidence.py docs/studies/laws.parquet docs/studies/long.parquet
+Run it with: python docs/make_evidence.py docs/studies/{laws,long,ahead}.parquet
 The results come from: python docs/study.py docs/studies/laws.yaml laws.parquet
 Results from elsewhere are first kept in docs/studies, with rounded figures.
 """
@@ -9,7 +9,7 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -32,20 +32,21 @@ FIRST = 'minimum_velocity'  # the pseudoinverse, which the others are compared w
 DEFAULT = 'minimum_acceleration'
 ORDER = ('robot', 'task', 'limits', 'seed', 'law')  # of the rows: neighbours are alike
 EDGES = (0.0, 0.01, 0.03, 0.1, 1.0)  # of the smallest singular value on the way over the reach
-NEAR = (0.0, 0.03, 1.0)  # the same, for the table of all laws
+KINDS = {'random': 'random', 'near_singular': 'nearly singular'}
 BAND = (0.1, 0.9)  # quantiles
 LESS = 0.8  # ratio to the first law that makes a difference
 MORE = 1.25
-EQUAL = 0.01  # by which a ratio may be away from 1
-CONFIDENCE = 1.96  # standard deviations, for 95 %
 PEAK = 'peak |ddq|'
-THRIFTY = 'minimum_kinetic_energy'
+SQUARE = 'integral of |ddq|^2'
 RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished result, by their heads
     PEAK: lambda result: result.effort.acceleration,
     'RMS |ddq|': lambda result: (result.effort.squared_acceleration / result.duration) ** 0.5,
     'peak |tau|': lambda result: result.effort.torque,
     'kinetic energy': lambda result: result.effort.kinetic_energy,
+    SQUARE: lambda result: result.effort.squared_acceleration,
 }
+SHOWN = (PEAK, 'RMS |ddq|', 'peak |tau|', 'kinetic energy')
+GREEDY = [law for law in LAWS if not law.endswith('ahead')]
 
 Task = tuple[str, str, int]  # arm, kind, seed
 Pair = tuple[Result, Result]  # of one task: under a law, and under the first one
@@ -56,15 +57,16 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument('short', type=Path)
     parser.add_argument('long', type=Path)
+    parser.add_argument('ahead', type=Path)
     options = parser.parse_args()
     short = read_results(kept(options.short))
     long = read_results(kept(options.long))
+    ahead = read_results(kept(options.ahead))
     draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
     blocks = {
         'evidence_sample': sample(short, long),
-        'evidence_words': words(short),
+        'evidence_ahead': ahead_table(ahead),
         'evidence': default_table(short),
-        'evidence_laws': table(short),
         'evidence_long': long_table(long),
     }
     write(blocks, [PAGE])
@@ -102,45 +104,6 @@ def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
     )
 
 
-def words(results: Sequence[Result]) -> str:
-    """What the short tasks say of the default, and what another law saves of energy."""
-    near = distances(results)
-    lower, middle, upper = NEAR
-    free = pairs(results, limited=False)
-    beside = np.array(ratios(_within(free[DEFAULT], lower, middle, near), PEAK))
-    away = np.array(ratios(_within(free[DEFAULT], middle, upper, near), PEAK))
-    equal = np.abs(np.concatenate((beside, away)) - 1.0) <= EQUAL
-    limited = pairs(results, limited=True)[DEFAULT]
-    ours = [law for law, _ in limited]
-    firsts = [first for _, first in limited]
-    energy = np.median(ratios(free[THRIFTY], 'kinetic energy'))
-    acceleration = np.median(ratios(free[THRIFTY], PEAK))
-    return (
-        f'Without limits the default and `{FIRST}` have the same peak of acceleration to '
-        f'{EQUAL:.0%}\nin {np.mean(equal):.0%} of these short tasks. Near singularities (σ_min / '
-        f"reach below {middle:g}) the default's\npeak is 25 % higher in "
-        f'{_frequency(beside > MORE)} of the tasks\nand 20 % lower in '
-        f'{_frequency(beside < LESS)}; farther away\nin {_frequency(away > MORE)} and '
-        f'{_frequency(away < LESS)}: in brackets,\n'
-        'where the fraction lies with a confidence of 95 %. '
-        f'With the limits on, they finish {_finished(ours)}\nand '
-        f'{_finished(firsts)} of the tasks, and '
-        f'lose {_time_lost(ours)} and {_time_lost(firsts)} s '
-        f'on average. `{THRIFTY}` takes {energy:.2f} of the '
-        f"pseudoinverse's\nenergy in the median, with {acceleration:.1f} times its peak of "
-        'acceleration.\n'
-    )
-
-
-def _frequency(happened: np.ndarray) -> str:
-    """The fraction of tasks (k,) bool in which something happened, and its range (Wilson 1927)."""
-    fraction = np.mean(happened)
-    squared = CONFIDENCE**2 / len(happened)
-    middle = (fraction + squared / 2.0) / (1.0 + squared)
-    half = np.sqrt(squared * (fraction * (1.0 - fraction) + squared / 4.0)) / (1.0 + squared)
-    return f'{fraction:.1%} ({middle - half:.1%} to {middle + half:.1%})'
-
-
 def _counts(results: Sequence[Result]) -> list[int]:
     """The number of tasks of each arm, law and kind, with limits and without."""
     cases = [each.case for each in results]
@@ -151,7 +114,7 @@ def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
     """Each law's motions beside those of the first law on the same task."""
     chosen = [each for each in results if bool(each.case.limits) == limited]
     firsts = {_task(each): each for each in chosen if each.case.law == FIRST}
-    found: dict[str, list[Pair]] = {law: [] for law in LAWS}
+    found: dict[str, list[Pair]] = {law: [] for law in GREEDY}
     for each in chosen:
         if _task(each) in firsts:
             found[each.case.law].append((each, firsts[_task(each)]))
@@ -186,29 +149,35 @@ def default_table(results: Sequence[Result]) -> str:
     return markdown(heads, rows)
 
 
-def table(results: Sequence[Result]) -> str:
-    """All laws, far from singularities and near them; accelerations also with limits."""
+def ahead_table(results: Sequence[Result]) -> str:
+    """Least acceleration without a horizon and with one, beside the first law on the same tasks."""
     heads = (
-        'σ_min / reach | law | within limits | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
-        '| limits on: peak ‖q̈‖ | mean time lost [s]'
+        'tasks | law | ∫‖q̈‖² | worst | peak ‖q̈‖ | within the limits without any '
+        '| limits on: mean time lost [s]'
     )
+    firsts = {(each.case.limits, *_task(each)): each for each in results if each.case.law == FIRST}
     rows = []
-    free = pairs(results, limited=False)
-    limited = pairs(results, limited=True)
-    near = distances(results)
-    for lower, upper in pairwise(NEAR):
-        for law in LAWS:
-            inside = _within(free[law], lower, upper, near)
-            kept = _within(limited[law], lower, upper, near)
-            cells = [
-                f'{lower:g}–{upper:g}' if law == FIRST else '',
-                f'`{law}`',
-                _finished([each for each, _ in inside]),
-                *(shown(ratios(inside, head)) for head in RATIOS),
-                shown(ratios(kept, PEAK)),
-                _time_lost([each for each, _ in kept]),
+    for kind, (law, horizon) in product(KINDS, ((FIRST, 0.0), (DEFAULT, 0.0), (DEFAULT, 2.0))):
+        chosen = [
+            (each, firsts[each.case.limits, *_task(each)])
+            for each in results
+            if (each.case.task, each.case.law) == (kind, law)
+            and each.case.gains.get('horizon', 0.0) == horizon
+        ]
+        free = [pair for pair in chosen if not pair[0].case.limits]
+        limited = [each for each, _ in chosen if each.case.limits]
+        squares = ratios(free, SQUARE)
+        rows.append(
+            [
+                f'{len(free)} {KINDS[kind]}' if law == FIRST else '',
+                f'`{law}`' + (f', {horizon:g} s ahead' if horizon else ''),
+                shown(squares),
+                f'{max(squares):.3g}',
+                shown(ratios(free, PEAK)),
+                _finished([each for each, _ in free]),
+                f'{np.mean([each.time_lost for each in limited if each.finished]):.4f}',
             ]
-            rows.append(cells)
+        )
     return markdown(heads, rows)
 
 
@@ -224,7 +193,7 @@ def long_table(results: Sequence[Result]) -> str:
         cells = [
             f'`{law}`',
             _finished([each for each, _ in found]),
-            *(shown(ratios(found, head)) for head in RATIOS),
+            *(shown(ratios(found, head)) for head in SHOWN),
             f'{np.median(closures):.2f}',
             _time_lost([each for each, _ in found]),
         ]
@@ -255,7 +224,7 @@ def shown(values: Sequence[float]) -> str:
 
 def draw(results: Sequence[Result]) -> Figure:
     """Ratios of the peaks of acceleration over the distance from singularities, a panel a law."""
-    laws = [law for law in LAWS if law != FIRST]
+    laws = [law for law in GREEDY if law != FIRST]
     figure = Figure(figsize=(11.0, 6.0), layout='constrained')
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     found = {limited: pairs(results, limited) for limited in (False, True)}

@@ -58,7 +58,7 @@ def _as_row(result: Result) -> dict[str, Any]:
 
 def _as_result(row: Mapping[str, Any]) -> Result:
     case = {each.name: row[each.name] for each in fields(Case)}
-    for name in ('limits', 'preferences', 'secondary_tasks', 'plugins'):
+    for name in ('limits', 'preferences', 'secondary_tasks'):
         case[name] = tuple(filter(None, case[name].split(',')))
     case['gains'] = json.loads(case['gains'])
     effort = None
