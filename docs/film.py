@@ -1,4 +1,4 @@
-"""Films docs/demo.webp: the paper's task under a greedy law, stopped by the robot, and looking ahead.
+"""Films docs/demo.webp: the paper's task, stopped under a greedy law, and looking ahead.
 
 Run it with: python docs/film.py
 """
