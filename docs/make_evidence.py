@@ -9,7 +9,7 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,8 @@ STUDIES = FOLDER / 'studies'
 FIRST = 'minimum_velocity'  # the pseudoinverse, which the others are compared with
 DEFAULT = 'minimum_acceleration'
 ORDER = ('robot', 'task', 'limits', 'seed', 'law')  # of the rows: neighbours are alike
-EDGES = (0.0, 0.01, 0.03, 0.1, 1.0)  # of the smallest singular value on the way over the reach
 KINDS = {'random': 'random', 'near_singular': 'nearly singular'}
 BAND = (0.1, 0.9)  # quantiles
-LESS = 0.8  # ratio to the first law that makes a difference
-MORE = 1.25
 PEAK = 'peak |ddq|'
 SQUARE = 'integral of |ddq|^2'
 RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished result, by their heads
@@ -66,7 +63,6 @@ def main() -> None:
     blocks = {
         'evidence_sample': sample(short, long),
         'evidence_ahead': ahead_table(ahead),
-        'evidence': default_table(short),
         'evidence_long': long_table(long),
     }
     write(blocks, [PAGE])
@@ -119,34 +115,6 @@ def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
         if _task(each) in firsts:
             found[each.case.law].append((each, firsts[_task(each)]))
     return found
-
-
-def default_table(results: Sequence[Result]) -> str:
-    """The default beside the first law, by how near the task comes to a singularity."""
-    heads = (
-        'σ_min / reach | limits | tasks | peak ‖q̈‖ | 20 % lower | 25 % higher '
-        '| finished within limits | mean time lost [s]'
-    )
-    rows = []
-    near = distances(results)
-    for lower, upper in pairwise(EDGES):
-        for limited in (False, True):
-            found = _within(pairs(results, limited)[DEFAULT], lower, upper, near)
-            peaks = np.array(ratios(found, PEAK))
-            ours = [law for law, _ in found]
-            firsts = [first for _, first in found]
-            cells = [
-                f'{lower:g}–{upper:g}' if not limited else '',
-                'on' if limited else 'none',
-                f'{len(found)}',
-                shown(peaks),
-                f'{np.mean(peaks < LESS):.0%}',
-                f'{np.mean(peaks > MORE):.0%}',
-                f'{_finished(ours)}; {_finished(firsts)}',
-                f'{_time_lost(ours)}; {_time_lost(firsts)}' if limited else '–',
-            ]
-            rows.append(cells)
-    return markdown(heads, rows)
 
 
 def ahead_table(results: Sequence[Result]) -> str:
@@ -259,13 +227,6 @@ def _draw_law(
 def _both(found: Sequence[Pair]) -> list[Pair]:
     """Pairs of which both motions finish."""
     return [pair for pair in found if pair[0].finished and pair[1].finished]
-
-
-def _within(
-    found: Sequence[Pair], lower: float, upper: float, near: Mapping[Task, float]
-) -> list[Pair]:
-    """Pairs of tasks that come that near to a singularity."""
-    return [pair for pair in found if lower <= near.get(_task(pair[0]), -1.0) < upper]
 
 
 def _finished(results: Sequence[Result]) -> str:

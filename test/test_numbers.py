@@ -58,5 +58,4 @@ def test_the_tables_of_the_study_are_those_of_its_results() -> None:
     assert on_page(1, 'evidence_sample') == evidence.sample(short, long)
     ahead = evidence.read_results(evidence.STUDIES / 'ahead.parquet')
     assert not differences(on_page(1, 'evidence_ahead'), evidence.ahead_table(ahead))
-    assert not differences(on_page(1, 'evidence'), evidence.default_table(short))
     assert not differences(on_page(1, 'evidence_long'), evidence.long_table(long))
