@@ -37,6 +37,7 @@ TOPICS = {
     'planner/state': '`idle`, `waiting` for the controller to follow, `homing` in joint space, '
     '`moving` along the path of the tip, `finished`, or `stuck`: given up',
     'planner/progress': 'fraction of the task that is done, 0 to 1',
+    'planner/preview': 'the path to come, a stamp for each pose, for laws that look ahead',
     'planner/begun': 'stamp of the state at which the task began',
     'sim/session_state': 'whether the robot takes commands (`CMD`) or only reports (`MON`)',
     'sim/connection_quality': 'quality of the timing of commands',

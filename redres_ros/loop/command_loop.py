@@ -18,6 +18,7 @@ from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
 from redres_ros.loop.safety import LAG_TIME, FaultMonitor, SafetyFilter
 from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
+from redres_ros.preview import Preview
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -95,6 +96,7 @@ class CommandLoop:
         self._held = False  # by request
         self._is_connected = True
         self._session = ''  # of the robot; one without takes commands
+        self._preview: tuple[Nanoseconds, Preview] | None = None  # from which stamp on
         self._newest: _State | None = None  # that was believed
         self._waiting: _State | None = None  # that has no response yet
         self.newest_response: Response | None = None
@@ -156,6 +158,7 @@ class CommandLoop:
         self._newest = None
         self._waiting = None
         self._held = False
+        self._preview = None
         self._cycles.restart()
         self._begin_anew(None)
 
@@ -253,6 +256,10 @@ class CommandLoop:
         self.newest_response = None
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
+
+    def enter_preview(self, stamp: Nanoseconds, preview: Preview) -> None:
+        """The path to come, from the state of a stamp on; the newest one counts."""
+        self._preview = stamp, preview
 
     def note_sent(self, now: Seconds) -> None:
         """The newest response is on its way."""
@@ -479,6 +486,7 @@ class CommandLoop:
             self.safety_filter.reason = ''
             return controller.hold_command()
         correction = None
+        ahead = None
         is_yielding = False
         if self.mode is Mode.STOPPING:
             along = np.zeros(controller.m)
@@ -489,6 +497,9 @@ class CommandLoop:
             is_of_task = not self.input.is_of_joints
             is_yielding = measurements.yields and is_of_task
             is_steered = is_of_task and not self.input.is_of_state
+            if self._preview and controller.horizon and not (is_steered or is_yielding):
+                begin, path = self._preview
+                ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
             scaling = self.input.settings.scaling
             if scaling == AUTO:
                 scaling = 'components' if is_steered else 'task'
@@ -502,7 +513,7 @@ class CommandLoop:
             along = dx
             if is_yielding:
                 along = measurements.contact.velocity(dx, measurements.state(q), missed)
-        plan = controller.plan(q, along, missed, correction)
+        plan = controller.plan(q, along, missed, correction, ahead)
         self._before = plan.base
         command = controller.commit(self.safety_filter.admit(plan))
         if is_yielding:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -26,6 +27,7 @@ from redres_ros.nodes.controller_interfaces import ADMITTANCE, Forwarding, Senso
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
+    from_path,
     stacked,
     to_joint_state,
     to_nanoseconds,
@@ -50,6 +52,7 @@ from redres_ros.types import check_finite
 _Enter = Callable[[Any], Response | None]
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
+_POSE = 6  # rows of a pose task
 _REPEAT = 5.0  # [s] after which a warning is logged again
 
 
@@ -133,6 +136,7 @@ class ControllerNode(ManagedNode):
         )
         self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
+        self.create_subscription(Path, topics.PREVIEW, self._on_preview, topics.NEWEST)
         self.create_subscription(String, topics.SESSION, self._on_session, topics.LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.apply({})
@@ -177,6 +181,11 @@ class ControllerNode(ManagedNode):
         stamp = to_nanoseconds(message.header.stamp)
         now = time.monotonic()
         return self._loop.enter_velocity(stamp, dq, now, time.time_ns(), of_joints=True)
+
+    def _on_preview(self, message: Path) -> None:
+        with self._diagnostics.judging(topics.PREVIEW):
+            preview = from_path(message, self._base_frames, self._rows == _POSE)
+            self._loop.enter_preview(to_nanoseconds(message.header.stamp), preview)
 
     def _respond_if_due(self) -> None:
         self._respond('joint_states', self._loop.respond_if_due, time.monotonic())

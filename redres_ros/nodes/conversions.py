@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3
+from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, one_line
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.preview import Preview
 from redres_ros.types import (
     JointPositions,
     JointTorques,
@@ -25,6 +27,7 @@ from redres_ros.types import (
     Twist,
 )
 
+_UNTURNED = np.eye(3)
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
 
 
@@ -136,9 +139,7 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, 
     A quaternion of any length but 0 counts by its direction. Raises RedresError for another frame,
     NaN or infinity.
     """
-    if message.header.frame_id not in frames:
-        allowed = ', '.join(map(repr, frames))
-        raise RedresError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
+    _check_frame('target_pose', message.header.frame_id, frames)
     position = message.pose.position
     turn = message.pose.orientation
     x = np.array((position.x, position.y, position.z))
@@ -158,3 +159,37 @@ def to_pose(stamp: Nanoseconds, frame: str, x: Position, R: Rotation) -> PoseSta
     orientation = message.pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = to_quaternion(R).tolist()
     return message
+
+
+def to_path(stamp: Nanoseconds, frame: str, preview: Preview) -> Path:
+    """The path to come after a state, a stamp on the robot's clock for each pose."""
+    message = Path()
+    message.header.stamp = to_time(stamp)
+    message.header.frame_id = frame
+    rotations = preview.rotations.reshape(-1, 3, 3)
+    for k, (seconds, x) in enumerate(zip(preview.times, preview.positions, strict=True)):
+        R = rotations[k] if len(rotations) else _UNTURNED
+        message.poses.append(to_pose(stamp + round(NANOSECONDS * seconds), frame, x, R))
+    return message
+
+
+def from_path(message: Path, frames: Collection[str], turns: bool) -> Preview:
+    """The path to come as seen from the stamp of its header, with orientations if they count.
+
+    Raises RedresError as from_pose(), and for stamps that do not increase.
+    """
+    _check_frame('planner/preview', message.header.frame_id, frames)
+    begin = to_nanoseconds(message.header.stamp)
+    times = [(to_nanoseconds(each.header.stamp) - begin) / NANOSECONDS for each in message.poses]
+    points = [each.pose.position for each in message.poses]
+    positions = np.array([(point.x, point.y, point.z) for point in points])
+    rotations = None
+    if turns:
+        rotations = np.array([from_pose(each, frames)[1] for each in message.poses])
+    return Preview(np.array(times), positions.reshape(-1, 3), rotations)
+
+
+def _check_frame(what: str, frame: str, frames: Collection[str]) -> None:
+    if frame not in frames:
+        allowed = ', '.join(map(repr, frames))
+        raise RedresError(f'{what} is in {frame!r}; allowed: {allowed}')

@@ -8,17 +8,20 @@ from functools import partial
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
+from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes import topics
 from redres_ros.nodes.conversions import (
     JointMapper,
     from_pose,
     to_joint_state,
     to_nanoseconds,
+    to_path,
     to_pose,
     to_time,
     to_twist,
@@ -35,9 +38,12 @@ from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import JointPositions, Position, Rotation
+from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation
 
 _Begin = Callable[[], str]
+
+_PREVIEWED = 2.2  # [s] that are published of the path to come
+_PREVIEW_PERIOD = 0.1  # [s]
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,7 @@ class PlannerNode(ManagedNode):
         self._q: JointPositions | None = None  # at the newest state
         self._logged = ''  # on the log, of what happened to the goal
         self._published_start = 0  # stamp at which a task began [ns]
+        self._previewed: Nanoseconds = 0  # stamp of the last preview
         self._create_interfaces(robot)
         self._publish_state()
         self._start_life()
@@ -81,6 +88,7 @@ class PlannerNode(ManagedNode):
     def _create_interfaces(self, robot: str) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._joint_publisher = self.create_publisher(JointState, 'joint_velocity', PUBLISH)
+        self._preview_publisher = self.create_publisher(Path, topics.PREVIEW, PUBLISH)
         self._words = LatchedWords(self, topics.TASK_STATE)
         self._begun_publisher = self.create_publisher(Time, topics.TASK_BEGUN, LATCHED)
         types = {
@@ -123,7 +131,20 @@ class PlannerNode(ManagedNode):
                 self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
             if step and self._telemetry.subscribed:
                 self._publish_reference(step, R)
+            # In lock-step a run must not depend on which message comes first.
+            if step and step.dx is not None and not self._settings.lockstep:
+                self._publish_preview(stamp)
         self._publish_state()
+
+    def _publish_preview(self, stamp: Nanoseconds) -> None:
+        """Now and then, after what the controller waits for."""
+        if 0 <= stamp - self._previewed < _PREVIEW_PERIOD * NANOSECONDS:
+            return
+        if self._preview_publisher.get_subscription_count():
+            self._previewed = stamp
+            preview = self._run.preview(_PREVIEWED)
+            if preview is not None:
+                self._preview_publisher.publish(to_path(stamp, self._frame, preview))
 
     def _trace(self) -> tuple[Position, ...]:
         """Where tip and elbow are; empty before the first state."""

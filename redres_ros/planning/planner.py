@@ -3,6 +3,7 @@ a target that changes while the tip moves. For the position alone or together wi
 """
 
 import math
+from copy import copy
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -276,6 +277,16 @@ class TargetFollower:
         twist = np.concatenate((dx, rate * self._w + self._feedback(turn_left)))
         is_there &= _is_short(rotation_error(R, self._R_end), self._task.orientation_tolerance)
         return Reference(twist, self._x, error, 1, is_there, self._R, turn_left)
+
+    def preview(self, t: Seconds, seconds: Seconds, rate: float = 1.0) -> Preview:
+        """As of Planner, by the motion of a copy."""
+        ahead = copy(self)
+        times = np.arange(0.0, seconds + PREVIEW_STEP, PREVIEW_STEP)
+        places = [ahead.reference(ahead._x, t + rate * each, ahead._R) for each in times]
+        positions = np.array([each.x_d for each in places])
+        if self._R is None:
+            return Preview(times, positions)
+        return Preview(times, positions, np.array([each.R_d for each in places]))
 
     def time_left(self, t: Seconds) -> Seconds:
         """About how long the motion still takes, whatever the time; 0 beside the target."""

@@ -12,6 +12,7 @@ from redres_ros.planning.joint_path import JointPath, JointReference
 from redres_ros.planning.planner import Planner, Reference, TargetFollower
 from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
+from redres_ros.preview import Preview
 from redres_ros.types import (
     JointPositions,
     JointVelocities,
@@ -140,6 +141,13 @@ class TaskExecutor:
         self._ending = ''
         self.monitor.begin()
         self.state = TaskState.IDLE
+
+    def preview(self, seconds: Seconds) -> Preview | None:
+        """The path of the tip in the next seconds; None if there is none."""
+        source = self._execution.source if self._execution else None
+        if not isinstance(source, Planner | TargetFollower):
+            return None
+        return source.preview(self.clock.t, seconds, self.clock.speed.fraction)
 
     def set_stop_reason(self, reason: str) -> None:
         """Record why the robot has stopped; empty: it has not."""
