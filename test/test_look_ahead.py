@@ -1,5 +1,8 @@
 """The law that looks ahead: an optimum of the whole horizon, and never off its task."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -221,3 +224,13 @@ def test_a_preview_that_cannot_be_used_is_refused(times, positions, orientations
     with pytest.raises(ArrayError) as caught:
         Preview(times, positions, orientations)
     assert said in str(caught.value)
+
+
+def test_what_is_compiled_is_loaded_with_the_law_and_not_in_a_tick():
+    code = (
+        'import sys; from redres_ros import make_law; name = "redres_ros.kernels.look_ahead"; '
+        'make_law("minimum_acceleration"); before = name in sys.modules; '
+        'make_law("minimum_acceleration", horizon=1.0); print(before, name in sys.modules)'
+    )
+    shown = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert shown.stdout.split() == ['False', 'True']

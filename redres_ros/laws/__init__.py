@@ -17,6 +17,7 @@ damping = 1/T, lambda = 0, the dynamically consistent law is Eq. (35).
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -90,6 +91,11 @@ class MinimumAcceleration(Law):
         0.0, 'for how long to look ahead along a path that is known; 0: not at all [s]', 0.0, 10.0
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.horizon > 0.0:
+            import_module('redres_ros.laws.look_ahead')  # compiled, which no tick may wait for
+
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
         b = np.empty(len(state.q))
         multiply(self.forgetting_factor(T), state.dq_prev, b)  # in half of numpy's time
@@ -100,7 +106,7 @@ class MinimumAcceleration(Law):
     ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
         ahead = state.ahead
         if ahead is not None and self.horizon > 0.0:
-            from redres_ros.laws.look_ahead import look_ahead  # compiled: loaded only if in use
+            from redres_ros.laws.look_ahead import look_ahead
 
             planned = look_ahead(state, ahead, T, self.horizon, self.damping, effort=self.effort)
             if planned is not None:

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.files.processes import handled
-from redres_ros.laws import LAWS
+from redres_ros.laws import LAWS, look_ahead
 from redres_ros.limits import LIMITS
 from redres_ros.nodes.parameters import (
     NONE,
@@ -47,7 +47,9 @@ _TIP_FRAME = Parameter(
 )
 _ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
-_NODES_OWN = {'acceleration.reach': END_OF_REACH, 'horizon': 2.0}
+_LOADED = (look_ahead,)  # compiled before the loop: a law that needs it may be set live
+_NODES_OWN = {'horizon': 2.0}  # defaults
+_FIXED = {'acceleration.reach': END_OF_REACH}
 _NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 _SEVERAL = ('limits', 'preferences', 'secondary_tasks')  # parameters that are lists of names
 
@@ -175,18 +177,18 @@ class PolicyParameters:
             limits=named(values['limits']),
             preferences=named(values['preferences']),
             secondary_tasks=named(values['secondary_tasks']),
-            gains={key: values[key] for key in self._gains},
+            gains=_FIXED | {key: values[key] for key in self._gains},
         )
         policy.check(self._model, self._T)
         return policy
 
 
 def _all_gains() -> dict[str, Gain]:
-    """Every gain in the tables, by its key. Targets that are open by default are not among them:
-    ROS has no value for that.
+    """Every gain in the tables that is not fixed, by its key. Targets that are open by default are
+    not among them: ROS has no value for that.
     """
     gains: dict[str, Gain] = {}
     for gain in chain.from_iterable(table.gains() for table in (LAWS, LIMITS, PREFERENCES, TASKS)):
-        if gain.default != ():
+        if gain.default != () and gain.key not in _FIXED:
             gains.setdefault(gain.key, gain)
     return gains
