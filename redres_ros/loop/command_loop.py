@@ -497,7 +497,8 @@ class CommandLoop:
             is_of_task = not self.input.is_of_joints
             is_yielding = measurements.yields and is_of_task
             is_steered = is_of_task and not self.input.is_of_state
-            if self._preview and controller.horizon and not (is_steered or is_yielding):
+            leads = is_of_task and not (is_steered or is_yielding) and largest(dx) > _ROUNDING
+            if self._preview and controller.horizon and leads:  # a planner that does not wait
                 begin, path = self._preview
                 ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
             scaling = self.input.settings.scaling
