@@ -34,11 +34,13 @@ class Robot(Node):
     """States out at a rate, by a schedule; the newest command in."""
 
     def __init__(self, rate: float) -> None:
-        super().__init__('ros2_control_robot')
+        super().__init__('forward_position_controller')
         task = load_task('rectangle')
+        joints = RobotModel.named(task.robot).joint_names
+        self.declare_parameter('joints', joints)  # in whose order the controller sends numbers
         self.period = 1.0 / rate
         self.q = task.start
-        self.names = [GRIPPER[0], *RobotModel.named(task.robot).joint_names, GRIPPER[1]]
+        self.names = [GRIPPER[0], *joints, GRIPPER[1]]
         self.states = 0  # sent since the arm began to move
         self.way: list[np.ndarray] = []  # positions asked for since then, one for each command
         self.random = random.Random(0)
@@ -49,9 +51,9 @@ class Robot(Node):
 
     def on_command(self, message: Float64MultiArray) -> None:
         """The arm follows its commands exactly."""
-        before = self.q
+        moves = not np.array_equal(message.data, self.q)
         self.q = np.array(message.data)
-        if self.way or not np.array_equal(self.q, before):
+        if self.way or moves:
             self.way.append(self.q)
 
     def publish_state(self) -> None:
