@@ -1,6 +1,8 @@
 """The live page: who may load it, what it shows, and that a click steers the node."""
 
+import asyncio
 import socket
+import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from itertools import count
@@ -38,7 +40,7 @@ from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.view import panel
 from redres_ros.view import server as serving
-from redres_ros.view.controls import Bindings
+from redres_ros.view.controls import Bindings, _act_in_order
 from redres_ros.view.scene import _shapes_of
 
 T = 0.002  # [s]
@@ -268,6 +270,23 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
     bindings.set(SimpleNamespace(client=client), 'controller', {'law': 'minimum_velocity'})
     assert shown == ['minimum_torque'] and reported == ['controller refused']
+
+
+def test_what_is_clicked_in_quick_succession_is_done_in_that_order() -> None:
+    done: list[str] = []
+    clicks: list[Any] = []
+    is_held = threading.Event()
+
+    def act(event: Any, name: str) -> None:
+        assert name != 'stop' or is_held.wait(PATIENCE)
+        done.append(name)
+
+    _act_in_order(SimpleNamespace(on_click=clicks.append), act)
+    buttons = SimpleNamespace(value='stop')
+    for buttons.value in ('stop', 'home'):
+        asyncio.run(clicks[0](SimpleNamespace(target=buttons)))
+    is_held.set()
+    await_that(lambda: done == ['stop', 'home'], 'both')
 
 
 def test_samples_wait_in_their_order_until_they_are_taken() -> None:

@@ -1,6 +1,7 @@
 """Buttons, menus and sliders: each sets a parameter or calls a service, and shows its state."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import viser
@@ -76,10 +77,10 @@ def _refuse(event: Any, error: CallError) -> None:
 def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
     """Add what starts the task, and what sets the law and its limits."""
     task = gui.add_button_group('task', ('start', 'home', 'stop'))
-    task.on_click(lambda event: bindings.trigger(event, f'planner/{event.target.value}'))
+    _act_in_order(task, lambda event, name: bindings.trigger(event, f'planner/{name}'))
     arm = gui.add_button_group('arm', ('hold', 'resume'))
-    arm.on_click(
-        lambda event: bindings.trigger(event, 'controller/hold', event.target.value == 'hold')
+    _act_in_order(
+        arm, lambda event, name: bindings.trigger(event, 'controller/hold', name == 'hold')
     )
     if bindings.values.get('sim'):
         reset = gui.add_button('reset the robot', color='red')
@@ -98,6 +99,19 @@ def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
         bindings.add(handle, 'controller', parameter)
     _add_names(gui, bindings, 'limits', LIMITS)
     _add_names(gui, bindings, 'preferences', PREFERENCES)
+
+
+def _act_in_order(buttons: Any, act: Callable[[Any, str], None]) -> None:
+    """Have a group's buttons act one after the other, in the order in which they were clicked.
+
+    viser calls a function in whichever thread is free, where the group may have another value.
+    """
+    in_order = ThreadPoolExecutor(1)
+
+    async def _take(event: Any) -> None:
+        in_order.submit(act, event, event.target.value)
+
+    buttons.on_click(_take)
 
 
 def _add_names(
