@@ -166,7 +166,7 @@ class Controller:
     @property
     def horizon(self) -> Seconds:
         """How long a path its law wants to know ahead; 0 for none."""
-        return getattr(self.policy.law, 'horizon', 0.0)
+        return self.policy.law.horizon
 
     @property
     def reference(self) -> JointPositions:
@@ -363,11 +363,12 @@ class Controller:
         at = start
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
-        state = RobotState(self.model, at, dq_prev, base.ddq, tick)
+        known = None
         if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
             path = ahead.of_rows(self.m)
             if path is not None:
-                state.ahead = Ahead(path, (missed + 1) * self.T, base.plan)
+                known = Ahead(path, (missed + 1) * self.T, base.plan)
+        state = RobotState(self.model, at, dq_prev, base.ddq, tick, known)
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
             self._choose()

@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -79,10 +80,14 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.motion import find_motion, node_parameters
     from redres_ros.demo.demo import START_PATIENCE, Demo
+    from redres_ros.laws import HORIZON
     from redres_ros.loop.cycle_counter import RATES
 
     check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
     motion = find_motion(options, [options.law])
+    # As the nodes have it; in lock-step no path is sent ahead.
+    gains = {'horizon': 0.0 if options.lockstep else HORIZON, **motion.case.gains}
+    motion = motion._replace(case=replace(motion.case, gains=gains))
     motion.law(options.law).check_damping(options.period)
     plugins = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     parameters = {**node_parameters(motion), 'plugins': plugins}
@@ -105,10 +110,8 @@ def _end_at_once(number: int, _: object) -> NoReturn:
 
 
 def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
-    """Table to the terminal; summary.json, motion.csv and motion.png to the directory.
-
-    After Ctrl-C there is no picture. To load what draws, and to draw, would take most of the time
-    until the terminal is free again.
+    """Table to the terminal; summary.json, motion.csv and motion.png to the directory: after Ctrl-C
+    no picture, which takes most of the time.
     """
     from redres_ros.demo.outcome import summary_table
     from redres_ros.files.text import writing

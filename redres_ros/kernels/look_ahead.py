@@ -38,6 +38,7 @@ _LEAST_TRUST = 3.0
 _MOST_TRUST = 1e5
 _FASTER = 1.5  # by which the trust falls with each plan that is accepted
 _SLOWER = 4.0  # by which it rises with one that is not
+_RISE = 1e-3  # of the merit that is taken for that of the time that has come into sight
 _ROUNDING = 1e-6  # of a merit
 _GUESSES = 2  # iterations of the first guess at each node
 _SINGULAR = 1e-4  # [m^2] its damping near singularities
@@ -133,8 +134,7 @@ def _turn(R: np.ndarray, R_d: np.ndarray, w: np.ndarray) -> None:
 @part
 def _linearise(
     nodes: np.ndarray,
-    X: np.ndarray,
-    turned: np.ndarray,
+    path: tuple[np.ndarray, np.ndarray],
     chain: tuple[np.ndarray, ...],
     A: np.ndarray,
     e: np.ndarray,
@@ -142,6 +142,7 @@ def _linearise(
     """Write the rows A (K, m, w), unless that is empty, and the error e (K, m), x_d - x, at each
     node; an angle counts by its arc, and an error at most by _LONGEST.
     """
+    X, turned = path
     n = nodes.shape[1]
     m = e.shape[1]
     J = np.zeros((6 if len(A) else 0, n))
@@ -177,13 +178,10 @@ def _merit(
     v: np.ndarray,
     nodes: np.ndarray,
     e: np.ndarray,
-    T: float,
-    h: float,
-    damping: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    problem: tuple[float, float, float, np.ndarray, np.ndarray],
 ) -> float:
     """The cost of nodes after a first step at the velocity v."""
+    T, h, damping, lower, upper = problem
     n = len(q)
     K = len(nodes)
     total = 0.0
@@ -205,10 +203,35 @@ def _merit(
     return total / 2.0
 
 
+@part
+def _solve(Q: np.ndarray, x: np.ndarray) -> None:
+    """Turn x (n,) into Q^-1 x for a positive definite Q (n, n), which becomes its factor L."""
+    for k in range(len(x)):
+        for d in range(k + 1):
+            c = Q[k, d]
+            for i in range(d):
+                c -= Q[k, i] * Q[d, i]
+            Q[k, d] = np.sqrt(c) if k == d else c / Q[d, d]
+        for i in range(k):
+            x[k] -= Q[k, i] * x[i]
+        x[k] /= Q[k, k]
+    _solve_transposed(Q, x)
+
+
+@inlined
+def _solve_transposed(L: np.ndarray, x: np.ndarray) -> None:
+    """Turn x (n,) into L'^-1 x for a lower triangular L (n, n)."""
+    n = len(x)
+    for k in range(n - 1, -1, -1):
+        for i in range(k + 1, n):
+            x[k] -= L[i, k] * x[i]
+        x[k] /= L[k, k]
+
+
 @compiled(
     void(
-        *(vector(), vector(), _MATRIX, _ARRAY, float64, float64, float64, float64),
-        *(vector(), vector(), _ARRAY, _MATRIX, _ARRAY, _ARRAY, _MATRIX, _VECTOR),
+        *(vector(), vector(), _MATRIX, _ARRAY, float64, _ARRAY, _MATRIX, _ARRAY, _ARRAY),
+        *(_MATRIX, _VECTOR, float64, float64, float64, vector(), vector()),
     )
 )
 def _recurse(
@@ -216,18 +239,18 @@ def _recurse(
     v: np.ndarray,
     nodes: np.ndarray,
     A: np.ndarray,
-    T: float,
-    h: float,
-    damping: float,
     trust: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
     R: np.ndarray,
     r: np.ndarray,
     L: np.ndarray,
     Y: np.ndarray,
     W: np.ndarray,
     b: np.ndarray,
+    T: float,
+    h: float,
+    damping: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
 ) -> None:
     """Write L (K, n, n) and Y (K, n, w) of the steps but the first, and W and b of the first one,
     (n, n), (n,). R (K + 1, n, n) and r (K + 1, n) may be empty, for I and 0.
@@ -297,7 +320,6 @@ def _recurse(
                 c = G[i, k]
                 for d in range(w):
                     S[k, d] -= c * G[i, d]
-    Q = np.empty((n, n))
     for k in range(n):
         b[k] = -T * (T * S[k, 2 * n] + S[n + k, 2 * n])
         for d in range(n):
@@ -312,22 +334,7 @@ def _recurse(
                 b[k] += v[k]
         if weighted:
             b[k] -= T * r[0, k]
-    for k in range(n):  # W = Q Q', and W^-1
-        for d in range(k + 1):
-            c = W[k, d]
-            for i in range(d):
-                c -= Q[k, i] * Q[d, i]
-            Q[k, d] = np.sqrt(c) if k == d else c / Q[d, d]
-        for i in range(k):
-            b[k] -= Q[k, i] * b[i]
-        b[k] /= Q[k, k]
-    for k in range(n - 1, -1, -1):
-        for i in range(k + 1, n):
-            b[k] -= Q[i, k] * b[i]
-        b[k] /= Q[k, k]
-
-
-recurse = direct(_recurse)
+    _solve(W.copy(), b)
 
 
 @part
@@ -351,10 +358,7 @@ def _roll_out(
             for d in range(n):
                 c -= Y[j, k, d] * at[d] + Y[j, k, n + d] * u[d]
             y[k] = c
-        for k in range(n - 1, -1, -1):
-            for i in range(k + 1, n):
-                y[k] -= L[j, i, k] * y[i]
-            y[k] /= L[j, k, k]
+        _solve_transposed(L[j], y)
         for k in range(n):
             u[k] = y[k]
             at[k] += h * y[k]
@@ -373,49 +377,34 @@ def _shift(nodes: np.ndarray, steps: float, last: np.ndarray) -> None:
 
 
 @part
-def _approach(A: np.ndarray, e: np.ndarray, damping: float, node: np.ndarray) -> None:
-    """Add the least step that corrects the error e (m,), A' (A A' + damping I)^-1 e, to a node."""
-    m = len(A)
-    n = len(node)
-    L = np.empty((m, m))
-    y = np.empty(m)
-    for i in range(m):
-        for k in range(i + 1):
-            c = damping if k == i else 0.0
-            for d in range(n):
-                c += A[i, d] * A[k, d]
-            for d in range(k):
-                c -= L[i, d] * L[k, d]
-            L[i, k] = np.sqrt(c) if k == i else c / L[k, k]
-        y[i] = e[i]
-        for k in range(i):
-            y[i] -= L[i, k] * y[k]
-        y[i] /= L[i, i]
-    for i in range(m - 1, -1, -1):
-        for k in range(i + 1, m):
-            y[i] -= L[k, i] * y[k]
-        y[i] /= L[i, i]
-        for d in range(n):
-            node[d] += A[i, d] * y[i]
-
-
-@part
 def _approach_path(
     nodes: np.ndarray,
-    X: np.ndarray,
-    turned: np.ndarray,
+    path: tuple[np.ndarray, np.ndarray],
     iterations: int,
     damping: float,
     chain: tuple[np.ndarray, ...],
     A: np.ndarray,
     e: np.ndarray,
 ) -> None:
-    """Move nodes towards the path by least steps, and linearise there."""
+    """Move nodes towards the path by least steps, A' (A A' + damping I)^-1 e, and linearise."""
+    m = e.shape[1]
+    n = nodes.shape[1]
+    Q = np.empty((m, m))
     for _ in range(iterations):
-        _linearise(nodes, X, turned, chain, A, e)
+        _linearise(nodes, path, chain, A, e)
         for j in range(len(nodes)):
-            _approach(A[j], e[j], damping, nodes[j])
-    _linearise(nodes, X, turned, chain, A, e)
+            rows = A[j]
+            for i in range(m):
+                for k in range(i + 1):
+                    c = damping if k == i else 0.0
+                    for d in range(n):
+                        c += rows[i, d] * rows[k, d]
+                    Q[i, k] = c
+            _solve(Q, e[j])
+            for i in range(m):
+                for d in range(n):
+                    nodes[j, d] += rows[i, d] * e[j, i]
+    _linearise(nodes, path, chain, A, e)
 
 
 @part
@@ -432,15 +421,51 @@ def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) ->
             out[k] = values[i - 1, k] + c * (values[i, k] - values[i - 1, k])
 
 
+@part
+def _next_nodes(
+    q: np.ndarray,
+    v: np.ndarray,
+    problem: tuple[float, float, float, np.ndarray, np.ndarray],
+    path: tuple[np.ndarray, np.ndarray],
+    chain: tuple[np.ndarray, ...],
+    elapsed: float,
+    old: tuple[np.ndarray, np.ndarray, np.ndarray, float, float],
+    nodes: np.ndarray,
+    A: np.ndarray,
+    e: np.ndarray,
+) -> tuple[float, float]:
+    """Write the nodes to which the old plan leads, and their linearisation, unless its own nodes
+    have less merit than theirs; the trust to put in them, and their merit.
+    """
+    old_nodes, old_L, old_Y, trust, merit = old
+    h = problem[1]
+    K = len(nodes)
+    _roll_out(q, v, h, elapsed, old_L, old_Y, nodes)
+    _linearise(nodes, path, chain, A, e)
+    after = _merit(q, v, nodes, e, problem)
+    if after > merit * (1.0 + _RISE):  # else its own nodes need not be asked
+        kept = old_nodes.copy()
+        _shift(kept, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
+        kept_e = np.empty(e.shape)
+        _linearise(kept, path, chain, A[:0], kept_e)
+        merit = _merit(q, v, kept, kept_e, problem) * (1.0 + _ROUNDING)
+        if after > merit:
+            nodes[:] = kept
+            _linearise(nodes, path, chain, A, e)
+            return min(trust * _SLOWER, _MOST_TRUST), merit
+    return max(trust / _FASTER, _LEAST_TRUST), after
+
+
 @direct
 @compiled(
     several(float64, float64)(
         *(vector(), vector(), float64, float64, float64, vector(), vector()),
-        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _VECTOR, _MATRIX, _MATRIX),
-        *(float64, _MATRIX, _ARRAY, _ARRAY, float64, float64, _MATRIX, _ARRAY, _MATRIX),
+        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _VECTOR, _MATRIX, _MATRIX, float64),
+        *(_MATRIX, _ARRAY, _ARRAY, float64, float64),
+        *(_ARRAY, _MATRIX, _MATRIX, _ARRAY, _ARRAY, _MATRIX, _VECTOR),
     )
 )
-def next_nodes(
+def plan_motion(
     q: np.ndarray,
     v: np.ndarray,
     T: float,
@@ -461,23 +486,24 @@ def next_nodes(
     old_Y: np.ndarray,
     trust: float,
     merit: float,
+    R: np.ndarray,
+    r: np.ndarray,
     nodes: np.ndarray,
-    A: np.ndarray,
-    e: np.ndarray,
+    L: np.ndarray,
+    Y: np.ndarray,
+    W: np.ndarray,
+    b: np.ndarray,
 ) -> tuple[float, float]:
-    """Write the nodes (K, n) of a plan from (q, v), and their linearisation A (K, m, w), e (K, m);
-    the trust to put in it, -1 for a path that begins farther than _LONGEST from the tip, and its
-    merit.
+    """Write the nodes (K, n) of a plan from (q, v), and what _recurse() makes of them; the trust
+    put in it, -1 for a path that begins farther than _LONGEST from the tip, and its merit.
 
-    They are those to which the old plan leads, unless the merit would rise by them, and that of its
-    own nodes, empty for none, would not. The path is given by `times` (N,), positions (N, 3), and
-    rotations (N, 9) for m = 6.
+    The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) or empty.
     """
     K, n = nodes.shape
-    m = e.shape[1]
     chain = turns, offsets, joints, slides
+    problem = T, h, damping, lower, upper
     x = np.empty(3)
-    _place(q, chain, np.empty((6, n)), x, np.empty((3, 3)))
+    _place(q, chain, np.empty((0, n)), x, np.empty((3, 3)))
     first = np.empty(3)
     _sample(times, positions, 0.0, first)
     square = 0.0
@@ -485,57 +511,35 @@ def next_nodes(
         square += (first[i] - x[i]) ** 2
     if not square <= _LONGEST * _LONGEST:
         return -1.0, 0.0
-    X = np.empty((K, 3))
-    turned = np.empty((K, 3, 3))
+    m = 6 if len(rotations) else 3
+    path = np.empty((K, 3)), np.empty((K, 3, 3))
     for j in range(K):
         t = T + h * (j + 1)
-        _sample(times, positions, t, X[j])
+        _sample(times, positions, t, path[0][j])
         if m > 3:
-            _sample(times, rotations, t, turned[j].reshape(9))
-    no_R = np.empty((0, n, n))
-    no_r = np.empty((0, n))
-    L = np.empty((K, n, n))
-    Y = np.empty((K, n, A.shape[2]))
-    W = np.empty((n, n))
-    b = np.empty(n)
-    kept = np.empty((K, n))
-    kept_e = np.empty((K, m))
+            _sample(times, rotations, t, path[1][j].reshape(9))
+    A = np.empty((K, m, Y.shape[2]))
+    e = np.empty((K, m))
     if len(old_nodes):
-        kept[:] = old_nodes
-        _shift(kept, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
+        old = old_nodes, old_L, old_Y, trust, merit
+        trust, merit = _next_nodes(q, v, problem, path, chain, elapsed, old, nodes, A, e)
     else:
         for j in range(K):
-            kept[j] = q if j == 0 else kept[j - 1]
-            node = kept[j : j + 1]
-            end = j + 1
-            _approach_path(node, X[j:end], turned[j:end], _GUESSES, _SINGULAR, chain, A, e)
-    is_new = len(old_nodes) == 0
-    for _ in range(_WARM if is_new else 1):
-        if is_new:
-            _linearise(kept, X, turned, chain, A, kept_e)
-            _recurse(q, v, kept, A, T, h, damping, trust, lower, upper, no_R, no_r, L, Y, W, b)
-            _roll_out(q + T * v, v, h, 0.0, L, Y, nodes)
-        else:
-            _roll_out(q, v, h, elapsed, old_L, old_Y, nodes)
-        _linearise(nodes, X, turned, chain, A, e)
-        after = _merit(q, v, nodes, e, T, h, damping, lower, upper)
-        if is_new or after > merit:  # else the old nodes need not be asked
-            _linearise(kept, X, turned, chain, no_R, kept_e)
-            merit = _merit(q, v, kept, kept_e, T, h, damping, lower, upper) * (1.0 + _ROUNDING)
-        if after <= merit:
-            trust = max(trust / _FASTER, _LEAST_TRUST)
-            merit = after
-            kept[:] = nodes
-        else:
-            trust = min(trust * _SLOWER, _MOST_TRUST)
-            nodes[:] = kept
-            _linearise(nodes, X, turned, chain, A, e)
+            nodes[j] = q if j == 0 else nodes[j - 1]
+            there = path[0][j : j + 1], path[1][j : j + 1]
+            _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
+        _linearise(nodes, path, chain, A, e)
+        for _ in range(_WARM):
+            _recurse(q, v, nodes, A, trust, L[:0], W[:0], L, Y, W, b, *problem)
+            old = nodes.copy(), L, Y, trust, 0.0
+            trust, merit = _next_nodes(q, v, problem, path, chain, T, old, nodes, A, e)
+    _recurse(q, v, nodes, A, trust, R, r, L, Y, W, b, *problem)
     return trust, merit
 
 
 @direct
 @compiled(
-    float64(
+    void(
         *(vector(), _MATRIX, _ARRAY, float64, vector(), vector()),
         *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _MATRIX),
     )
@@ -552,15 +556,17 @@ def improve_motion(
     joints: np.ndarray,
     slides: np.ndarray,
     nodes: np.ndarray,
-) -> float:
+) -> None:
     """Improve nodes (K, n), one for every T, from rest at q, until they are an optimum of the whole
-    path X (K, 3), turned (K, 3, 3), or empty; its cost.
+    path X (K, 3), turned (K, 3, 3), or empty.
 
     Each iterate is moved onto the path, so that merits compare motions along it.
     """
     K, n = nodes.shape
     m = 6 if len(turned) else 3
     chain = turns, offsets, joints, slides
+    path = X, turned
+    problem = T, T, 0.0, lower, upper
     v = np.zeros(n)
     w = _width(n)
     A = np.empty((K, m, w))
@@ -569,26 +575,23 @@ def improve_motion(
     Y = np.empty((K, n, w))
     W = np.empty((n, n))
     b = np.empty(n)
-    no_R = np.empty((0, n, n))
-    no_r = np.empty((0, n))
     other = np.empty((K, n))
     trust = 1.0
-    _approach_path(nodes, X, turned, 5, _ON_PATH, chain, A, e)
-    merit = _merit(q, v, nodes, e, T, T, 0.0, lower, upper)
+    _approach_path(nodes, path, 5, _ON_PATH, chain, A, e)
+    merit = _merit(q, v, nodes, e, problem)
     stalled = 0
     for _ in range(_MOST_ITERATIONS):
-        _recurse(q, v, nodes, A, T, T, 0.0, trust, lower, upper, no_R, no_r, L, Y, W, b)
+        _recurse(q, v, nodes, A, trust, L[:0], W[:0], L, Y, W, b, *problem)
         _roll_out(q, v, T, 0.0, L, Y, other)
-        _approach_path(other, X, turned, 2, _ON_PATH, chain, A, e)
-        after = _merit(q, v, other, e, T, T, 0.0, lower, upper)
+        _approach_path(other, path, 2, _ON_PATH, chain, A, e)
+        after = _merit(q, v, other, e, problem)
         if after < merit:
             stalled = stalled + 1 if after > (1.0 - _STALLED) * merit else 0
             nodes[:] = other
             merit = after
             trust = max(trust / 5.0, 1e-8)
         else:
-            _linearise(nodes, X, turned, chain, A, e)
+            _linearise(nodes, path, chain, A, e)
             trust *= 10.0
         if stalled > 2 or trust > 1e9:
             break
-    return merit

@@ -17,8 +17,8 @@ damping = 1/T, lambda = 0, the dynamically consistent law is Eq. (35).
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar
+from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,8 +30,8 @@ from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointVelocities, Seconds
 
-if TYPE_CHECKING:
-    from redres_ros.laws.look_ahead import MotionPlan
+HORIZON = 2.0  # [s] for which nodes look ahead where they know a path
+_Objective = tuple[Weight, JointVelocities, Any]  # W, b, and the plan of a law that looks ahead
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,14 @@ class Law(ABC):
         """W; None for the identity."""
         return None
 
-    def objective(
-        self, state: RobotState, T: Seconds
-    ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
-        """W and b, and what the next tick continues of a law that looks ahead."""
+    def objective(self, state: RobotState, T: Seconds) -> _Objective:
+        """W and b, and what the next tick continues."""
         return self.weight(state), self.bias(state, T), None
+
+    @property
+    def horizon(self) -> Seconds:
+        """How long a path it wants to know ahead; 0 for none."""
+        return 0.0
 
     def forgetting_factor(self, T: Seconds) -> float:
         """lambda = 1 - k_d T, Eq. (23)."""
@@ -67,6 +70,14 @@ class Law(ABC):
         if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
             allowed = f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s'
             raise RangeError('damping', self.damping, 0.0, 1.0 / T, allowed)
+
+
+@cache
+def _look_ahead() -> Any:
+    """The function, which is compiled: loaded only if in use."""
+    from redres_ros.laws.look_ahead import look_ahead
+
+    return look_ahead
 
 
 @dataclass(frozen=True)
@@ -81,10 +92,7 @@ class MinimumVelocity(Law):
 
 @dataclass(frozen=True)
 class MinimumAcceleration(Law):
-    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23).
-
-    With a horizon, and a path to come, over all of the next seconds (look_ahead.py).
-    """
+    """Least joint acceleration, Eq. (15), (17), (23); with a horizon, over all of it."""
 
     effort: ClassVar[bool] = False  # torques count, too
     horizon: float = param(
@@ -94,21 +102,17 @@ class MinimumAcceleration(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.horizon > 0.0:
-            import_module('redres_ros.laws.look_ahead')  # compiled, which no tick may wait for
+            _look_ahead()  # which no tick may wait for
 
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
         b = np.empty(len(state.q))
         multiply(self.forgetting_factor(T), state.dq_prev, b)  # in half of numpy's time
         return b  # lambda dq_{k-1}, Eq. (23)
 
-    def objective(
-        self, state: RobotState, T: Seconds
-    ) -> 'tuple[Weight, JointVelocities, MotionPlan | None]':
+    def objective(self, state: RobotState, T: Seconds) -> _Objective:
         ahead = state.ahead
         if ahead is not None and self.horizon > 0.0:
-            from redres_ros.laws.look_ahead import look_ahead
-
-            planned = look_ahead(state, ahead, T, self.horizon, self.damping, effort=self.effort)
+            planned = _look_ahead()(state, ahead, T, self.horizon, self.damping, effort=self.effort)
             if planned is not None:
                 return planned
         return super().objective(state, T)

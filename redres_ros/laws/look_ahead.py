@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.kernels.look_ahead import next_nodes, recurse, width
+from redres_ros.kernels.look_ahead import plan_motion, width
 from redres_ros.preview import Ahead
 from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState
@@ -48,42 +48,38 @@ def look_ahead(
     path = ahead.path
     model = state.model
     n = model.n
-    m = 6 if len(path.rotations) else 3
     h = horizon / _NODES
     plan = ahead.plan or _NO_PLAN
     if plan.horizon != horizon:  # another law's
         plan = _NO_PLAN
+    R, r = _effort(state, plan.nodes, T, h) if effort else _NO_EFFORT
     nodes = np.empty((_NODES, n))
-    w = width(n)
-    A = np.empty((_NODES, m, w))
-    e = np.empty((_NODES, m))
+    L = np.empty((_NODES, n, n))
+    Y = np.empty((_NODES, n, width(n)))
+    W = np.empty((n, n))
+    b = np.empty(n)
     # as much as one more step, that is free, would still cost
     settings = T, h, damping / (1.0 + damping * h)
-    inside = model.inner_range
-    trust, merit = next_nodes(
-        *(state.q, state.dq_prev, *settings, *inside, *model.chain),
-        *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5], nodes, A, e),
+    trust, merit = plan_motion(
+        *(state.q, state.dq_prev, *settings, *model.inner_range, *model.chain),
+        *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5]),
+        *(R, r, nodes, L, Y, W, b),
     )
     if not trust > 0.0:
         return None
-    R, r = _effort(state, nodes, T, h) if effort else _NO_EFFORT
-    L = np.empty((_NODES, n, n))
-    Y = np.empty((_NODES, n, w))
-    W = np.empty((n, n))
-    b = np.empty(n)
-    recurse(state.q, state.dq_prev, nodes, A, *settings, trust, *inside, R, r, L, Y, W, b)
     return W, b, MotionPlan(nodes, L, Y, trust, merit, horizon)
 
 
 def _effort(
     state: RobotState, nodes: np.ndarray, T: Seconds, h: Seconds
 ) -> tuple[np.ndarray, np.ndarray]:
-    """R = I + M M, (K + 1, n, n), and r = M (n - g), (K + 1, n), of each step where it begins: of
-    |tau - g|^2 + |ddq|^2 with tau = M ddq + n.
+    """R = I + M M, (K + 1, n, n), and r = M (n - g), (K + 1, n), of each step where it began in the
+    last plan, if there is one: of |tau - g|^2 + |ddq|^2 with tau = M ddq + n.
     """
     model = state.model
     n = model.n
-    q = np.vstack((state.q, state.q + T * state.dq_prev, nodes[:-1]))
+    reached = state.q + T * state.dq_prev
+    q = np.vstack((state.q, reached, nodes[:-1] if len(nodes) else [reached] * (_NODES - 1)))
     dq = np.vstack(
         (state.dq_prev, np.diff(q, axis=0) / np.array([T, *[h] * (len(q) - 2)])[:, None])
     )

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.files.processes import handled
-from redres_ros.laws import LAWS, look_ahead
+from redres_ros.laws import HORIZON, LAWS, look_ahead
 from redres_ros.limits import LIMITS
 from redres_ros.nodes.parameters import (
     NONE,
@@ -48,7 +48,7 @@ _TIP_FRAME = Parameter(
 _ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
 _LOADED = (look_ahead,)  # compiled before the loop: a law that needs it may be set live
-_NODES_OWN = {'horizon': 2.0}  # defaults
+_NODES_OWN = {'horizon': HORIZON}  # defaults
 _FIXED = {'acceleration.reach': END_OF_REACH}
 _NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 _SEVERAL = ('limits', 'preferences', 'secondary_tasks')  # parameters that are lists of names

@@ -87,8 +87,7 @@ def label(law: Law) -> str:
     """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
     if not law.has_memory:
         return law_name(law)
-    horizon = getattr(law, 'horizon', 0.0)
-    ahead = f', {horizon:g} s ahead' if horizon else ''
+    ahead = f', {law.horizon:g} s ahead' if law.horizon else ''
     damping = repr(float(law.damping)).removesuffix('.0')
     return f'{law_name(law)}{ahead}, k_d = {damping} 1/s'
 
