@@ -16,8 +16,6 @@ from redres_ros.robot_model import RobotState
 
 T = 0.002  # [s]
 HORIZON = 2.0  # [s]
-H = HORIZON / _NODES
-DAMPING = 10.0 / (1.0 + 10.0 * H)
 AHEAD = make_law('minimum_acceleration', horizon=HORIZON)
 GREEDY = make_law('minimum_acceleration')
 FR3 = RobotModel.named('fr3')
@@ -44,12 +42,12 @@ def rows_of(R: np.ndarray, r: np.ndarray, t: float) -> tuple[np.ndarray, np.ndar
     return L.T, -np.linalg.solve(L, r)
 
 
-def linearised(model, nodes, path, m):
+def linearised(model, nodes, path, m, h):
     """Jacobian and error of the path at each node; an angle counts by its arc on a metre."""
     A, e = [], []
     for j, node in enumerate(nodes):
         x, R = model.tip(node)
-        at = [np.interp(T + H * (j + 1), path.times, each) for each in path.positions.T]
+        at = [np.interp(T + h * (j + 1), path.times, each) for each in path.positions.T]
         error = [np.array(at) - x]
         if m > 3:
             error.append(rotation_error(R, path.rotations[0].reshape(3, 3)))
@@ -59,10 +57,10 @@ def linearised(model, nodes, path, m):
     return np.array(A), np.array(e)
 
 
-def dense_optimum(state, dx, nodes, A, e, trust, R, r):
+def dense_optimum(state, dx, nodes, A, e, h, damping, trust, R, r):
     """The first velocity of the problem as it is written, as least squares in all velocities."""
     K, n = nodes.shape
-    steps = np.array([T] + [H] * K)
+    steps = np.array([T] + [h] * K)
     times = np.array([T, *((steps[1:] + steps[:-1]) / 2.0)])
     rows = []
     ends = []
@@ -80,7 +78,7 @@ def dense_optimum(state, dx, nodes, A, e, trust, R, r):
             add(L, [(0, 1.0)], end + L @ state.dq_prev)
         else:
             add(L, [(i, 1.0), (i - 1, -1.0)], end)
-    add(np.sqrt(DAMPING) * np.eye(n), [(K, 1.0)], np.zeros(n))
+    add(np.sqrt(damping) * np.eye(n), [(K, 1.0)], np.zeros(n))
     for j in range(K):
         reached = [(i, steps[i]) for i in range(j + 2)]
         left = np.sqrt(_RHO) * (e[j] + A[j] @ (nodes[j] - state.q))
@@ -108,26 +106,29 @@ def test_the_law_is_the_first_step_of_the_dense_problem(robot, effort, pose):
     state = moving_state(model, path_from(model, start, pose=pose))
     state.q = start
     m = 6 if pose else 3
+    K = _NODES[m]
+    h = HORIZON / K
+    damping = 10.0 / (1.0 + 10.0 * h)
     path = state.ahead.path
-    R = np.tile(np.eye(n), (_NODES + 1, 1, 1))
-    r = np.zeros((_NODES + 1, n))
+    R = np.tile(np.eye(n), (K + 1, 1, 1))
+    r = np.zeros((K + 1, n))
     if effort:
         random = np.random.default_rng(3)
-        M = random.normal(size=(_NODES + 1, n, n))
+        M = random.normal(size=(K + 1, n, n))
         R = R + M @ M.transpose(0, 2, 1)
-        r = random.normal(size=(_NODES + 1, n))
+        r = random.normal(size=(K + 1, n))
     given = (R, r) if effort else (R[:0], r[:0])
-    nodes, W, b = np.empty((_NODES, n)), np.empty((n, n)), np.empty(n)
-    L, Y = np.empty((_NODES, n, n)), np.empty((_NODES, n, width(n)))
+    nodes, W, b = np.empty((K, n)), np.empty((n, n)), np.empty(n)
+    L, Y = np.empty((K, n, n)), np.empty((K, n, width(n)))
     far = np.full(n, -10.0), np.full(n, 10.0)
     trust, _ = plan_motion(
-        *(state.q, state.dq_prev, T, H, DAMPING, *far, *model.chain),
+        *(state.q, state.dq_prev, T, h, damping, *far, *model.chain),
         *(path.times, path.positions, path.rotations, T, *_NO_PLAN[:5]),
         *(*given, nodes, L, Y, W, b),
     )
-    A, e = linearised(model, nodes, path, m)
+    A, e = linearised(model, nodes, path, m, h)
     dx = np.array((-0.1, 0.1, -0.14, 0.02, -0.01, 0.03))[:m]
-    expected = dense_optimum(state, dx, nodes, A, e, trust, R, r)
+    expected = dense_optimum(state, dx, nodes, A, e, h, damping, trust, R, r)
     dq = resolve(state.J[:m], dx, b, W)
     assert np.abs(dq - expected).max() <= 1e-12 * np.abs(expected).max()
 

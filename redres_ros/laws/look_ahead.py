@@ -1,11 +1,10 @@
 """W and b of the motion that is best along the path to come.
 
 Not of the paper. The law of a tick is the first step of an optimal motion over a horizon: its cost
-to go is quadratic in (q, v), so that it is one more weight and one more bias. Each tick linearises
-the path once, at the nodes to which the last plan leads from the present state, and solves the rest
-by one recursion (kernels/look_ahead.py). Relatives: Faroni, Beschi, Tosatti, Visioli, predictive
-inverse kinematics (T-RO 2019); Al Khudir, Halvorsen, Lanari, De Luca, stable torque optimisation
-with a short preview (RA-L 2019).
+to go is quadratic in (q, v), so that it is one more weight and bias. Each tick linearises the path
+at the nodes to which the last plan leads, and solves the rest by one recursion
+(kernels/look_ahead.py). Relatives: Faroni, Beschi, Tosatti, Visioli, predictive inverse kinematics
+(T-RO 2019); Al Khudir, Halvorsen, Lanari, De Luca, stable torque optimisation (RA-L 2019).
 """
 
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointVelocities, Seconds
 
-_NODES = 7  # of the plan, after the end of the first step
+_NODES = {3: 7, 6: 12}  # of the plan, after the end of the first step, by rows of the task
 
 
 class MotionPlan(NamedTuple):
@@ -48,14 +47,15 @@ def look_ahead(
     path = ahead.path
     model = state.model
     n = model.n
-    h = horizon / _NODES
+    K = _NODES[6 if len(path.rotations) else 3]
+    h = horizon / K
     plan = ahead.plan or _NO_PLAN
-    if plan.horizon != horizon:  # another law's
+    if plan.horizon != horizon or len(plan.nodes) != K:  # another law's, or another task's
         plan = _NO_PLAN
-    R, r = _effort(state, plan.nodes, T, h) if effort else _NO_EFFORT
-    nodes = np.empty((_NODES, n))
-    L = np.empty((_NODES, n, n))
-    Y = np.empty((_NODES, n, width(n)))
+    R, r = _effort(state, plan.nodes, K, T, h) if effort else _NO_EFFORT
+    nodes = np.empty((K, n))
+    L = np.empty((K, n, n))
+    Y = np.empty((K, n, width(n)))
     W = np.empty((n, n))
     b = np.empty(n)
     # as much as one more step, that is free, would still cost
@@ -71,7 +71,7 @@ def look_ahead(
 
 
 def _effort(
-    state: RobotState, nodes: np.ndarray, T: Seconds, h: Seconds
+    state: RobotState, nodes: np.ndarray, K: int, T: Seconds, h: Seconds
 ) -> tuple[np.ndarray, np.ndarray]:
     """R = I + M M, (K + 1, n, n), and r = M (n - g), (K + 1, n), of each step where it began in the
     last plan, if there is one: of |tau - g|^2 + |ddq|^2 with tau = M ddq + n.
@@ -79,7 +79,7 @@ def _effort(
     model = state.model
     n = model.n
     reached = state.q + T * state.dq_prev
-    q = np.vstack((state.q, reached, nodes[:-1] if len(nodes) else [reached] * (_NODES - 1)))
+    q = np.vstack((state.q, reached, nodes[:-1] if len(nodes) else [reached] * (K - 1)))
     dq = np.vstack(
         (state.dq_prev, np.diff(q, axis=0) / np.array([T, *[h] * (len(q) - 2)])[:, None])
     )
