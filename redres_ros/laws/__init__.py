@@ -115,7 +115,7 @@ class MinimumAcceleration(Law):
             planned = _look_ahead()(state, ahead, T, self.horizon, self.damping, effort=self.effort)
             if planned is not None:
                 return planned
-        return super().objective(state, T)
+        return None, self.bias(state, T), None
 
 
 @dataclass(frozen=True)
