@@ -19,6 +19,7 @@ from redres_ros.robot_model import RobotModel
 
 PAGES = Path(__file__).parents[1] / 'docs' / 'tutorials'
 RATE = 500.0  # [Hz]
+ACTION = {'x': 0.5, 'y': 0.2, 'z': 0.6, 'qx': 0.0, 'qy': 0.0, 'qz': 0.0, 'qw': 1.0}
 
 
 def errors_behind_a_camera(gain: float) -> np.ndarray:
@@ -61,15 +62,22 @@ def test_the_tip_is_as_far_behind_a_camera_as_the_page_says(gain: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_target_pose_is_reached_as_the_page_says() -> None:
-    [code] = re.findall(r'```python\n(.*?)```', (PAGES / 'target_pose.md').read_text(), re.DOTALL)
+@pytest.mark.parametrize(
+    ('page', 'use'),
+    [
+        ('target_pose.md', ''),
+        ('../howto/steer.md', f'arm = Arm()\narm.connect()\narm.send_action({ACTION})'),
+    ],
+)
+def test_a_target_pose_is_reached_as_the_page_says(page: str, use: str) -> None:
+    [code] = re.findall(r'```python\n(.*?)```', (PAGES / page).read_text(), re.DOTALL)
     model = RobotModel.named('lwr4')
     with virtual_run(RATE, 'lwr4') as run:
         assert run.run_until(lambda: run.commanding, 5.0)
         words: list[str] = []
         run.graph.listen('planner/state', 'test', lambda message: words.append(message.data))
         with mock.patch.dict('sys.modules', rclpy=_rclpy_on_wires(run)):
-            exec(compile(code, 'target_pose.md', 'exec'), {})
+            exec(compile(f'{code}\n{use}', page, 'exec'), {})
         assert run.run_until(lambda: words[-1] == 'finished', 20.0)
         q = run.nodes['sim']._robot.plant.q
     assert model.tip(q)[0] == pytest.approx((0.5, 0.2, 0.6), abs=2e-3)
