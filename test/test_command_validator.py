@@ -120,8 +120,8 @@ def test_nan_never_passes(joint, which):
 def follow(interpolator: ReferenceInterpolator, positions: np.ndarray) -> np.ndarray:
     """References (N - 1, 7) while the stream (N, 7) is followed from its first position."""
     references = []
-    for last, position in pairwise(positions):
-        interpolator.follow(position, position - last)
+    for position in positions[1:]:
+        interpolator.follow(position)
         references.append(interpolator.reference)
     return np.array(references)
 
@@ -193,7 +193,7 @@ def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign)
     interpolator = ReferenceInterpolator(LIMITS, T, ZERO)
     position = ZERO
     while not (reason := validator.violation(position + T * speed, speed)):
-        interpolator.follow(position + T * speed, T * speed)
+        interpolator.follow(position + T * speed)
         position = position + T * speed
     references = brake(interpolator)
     assert reason.startswith(f'position limit: {LIMITS.joint_names[joint]}')
@@ -216,7 +216,7 @@ def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(a
         step = T * velocity
         if validator.violation(position + step, velocity):
             break
-        interpolator.follow(position + step, step)
+        interpolator.follow(position + step)
         position = position + step
         references.append(interpolator.reference)
     references = np.vstack((references, brake(interpolator)[1:]))

@@ -12,8 +12,6 @@ from redres_ros.types import Cycles, Radians
 
 M = TypeVar('M')
 
-_SENSOR_FAULTS = ('none', 'bias', 'not_finite', 'lost')
-
 _live = partial(param, live=True)
 _fraction = partial(_live, 0.0, lower=0.0, upper=1.0)
 _cycles = partial(_live, 0, lower=0, upper=1000)
@@ -29,27 +27,23 @@ class Link:
 
 
 class NetworkModel(Generic[M]):
-    """Delivers messages with the faults of `link`, which may be set at any time; the same for the
-    same seed.
+    """Delivers messages with the faults of `link`, the same for the same seed.
 
-    Every message draws three random numbers whatever the link: setting one fault does not move the
-    others.
+    Every message draws three random numbers whatever the link, which may be set at any time:
+    setting one fault does not move the others.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
         self.link = link or Link()
         self._random = Random(seed)
-        # with the tick when each is due, in the order of arrival
-        self._under_way: deque[tuple[int, M]] = deque()
+        self._under_way: deque[tuple[int, M]] = deque()  # with the tick when each is due
         self._overtaken: list[M] = []  # to arrive right after the next message
 
     def send(self, message: M, tick: int) -> None:
         losing, doubling, overtaking = (self._random.random() for _ in range(3))
         if losing < self.link.loss:
             return
-        copies = [message]
-        if doubling < self.link.disorder:
-            copies.append(message)
+        copies = [message, message] if doubling < self.link.disorder else [message]
         if not self._overtaken and overtaking < self.link.disorder:
             self._overtaken = copies
             return
@@ -67,10 +61,7 @@ class NetworkModel(Generic[M]):
 
 @dataclass(frozen=True)
 class Faults:
-    """Every fault as a parameter that can be set at any time. By default all is well.
-
-    Raises RangeError, UnknownNameError or ArrayError.
-    """
+    """Faults as parameters that can be set at any time; none by default. Raises ArrayError."""
 
     state_delay: int = _cycles('delay of states to the client [cycles]')
     state_loss: float = _fraction('fraction of the states that are lost')
@@ -84,7 +75,9 @@ class Faults:
         (0.0, 0.0, 0.0), 'force on the arm along x, y, z of the base [N]', -500.0, 500.0
     )
     push_link: str = _live('', 'link on whose origin this force acts; empty: the tip')
-    wrench_fault: str = _live('none', 'what the force sensor shows', choices=_SENSOR_FAULTS)
+    wrench_fault: str = _live(
+        'none', 'what the force sensor shows', choices=('none', 'bias', 'not_finite', 'lost')
+    )
     encoder_step: Radians = 0.0  # resolution of measured positions; no parameter of the node
 
     def __post_init__(self) -> None:

@@ -11,8 +11,6 @@ from redres_ros.robots import Arm
 from redres_ros.types import InertiaMatrix, JointPositions
 
 PLANT_STEP = 0.0005  # [s] of the simulation; the cycle is a whole multiple of it
-SHAPES = ('none', 'table', 'wall')
-
 _SAMPLES = 200  # random positions from which the largest inertia is estimated
 
 _TIP_RADIUS = 0.005  # [m] of the sphere at the tip, which alone touches anything
@@ -31,7 +29,9 @@ class EnvironmentSettings:
     """What the tip can touch. Raises RangeError, UnknownNameError or ArrayError."""
 
     contact_shape: str = param(
-        'none', 'what the tip can touch: a table, or a wall that faces the base', choices=SHAPES
+        'none',
+        'what the tip can touch: a table, or a wall that faces the base',
+        choices=('none', 'table', 'wall'),
     )
     contact_position: tuple[float, ...] = param(
         (0.5, 0.0, 0.0), 'the tip where it touches, in the base frame [m]', -10.0, 10.0
@@ -64,31 +64,26 @@ def servo_model(
     all d (dq_r - dq), then all torques that are fed forward.
 
     ctrl is dq_r for the first two; the position actuators integrate it to q_r, their activation, so
-    a cycle is one call into C.
-
-    Raises FileError for a URDF that MuJoCo cannot use, UnknownNameError for one without the tip.
+    a cycle is one call into C. Raises FileError for a URDF that MuJoCo cannot use, UnknownNameError
+    for one without the tip.
     """
     spec = load(arm)
     if spec.body(arm.tip_frame) is None:
         raise UnknownNameError('frame', arm.tip_frame, [body.name for body in spec.bodies])
     _set_physics(spec)
-    # Stiffness of every joint, then damping of every joint, then torque of every joint
-    for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
+    none = mujoco.mjtDyn.mjDYN_NONE
+    for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, none, none):
         for joint in spec.joints:
             spec.add_actuator(
                 target=joint.name,
                 trntype=mujoco.mjtTrn.mjTRN_JOINT,
                 dyntype=dynamics,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+                biastype=mujoco.mjtBias.mjBIAS_AFFINE,  # none for the torques
             )
-    for joint in spec.joints:
-        spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    has_surface = environment.contact_shape != 'none'
-    if has_surface:
-        _add_surface(spec, arm.tip_frame, environment)
-    model = compiled(spec, arm)
-    if has_surface:
-        _set_stiffness(model, arm.tip_frame, environment)
+    if environment.contact_shape == 'none':
+        model = compiled(spec, arm)
+    else:
+        model = _with_surface(spec, arm, environment)
     # KUKA's joint torque loop takes most of the friction out.
     model.dof_damping[:] = 0.0
     model.dof_frictionloss[:] = 0.0
@@ -160,11 +155,17 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
         joint.solref_limit = stop
 
 
-def _add_surface(spec: mujoco.MjSpec, tip: str, settings: EnvironmentSettings) -> None:
-    """Add the surface and the tip's sphere."""
+def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) -> mujoco.MjModel:
+    """What MuJoCo simulates, with a surface and a sphere at the tip.
+
+    At rest the force of a contact with the constant impedance d and the reference -k is
+    k / ((1 - d) w) times the depth, where w is the inverse inertia of the tip: MuJoCo's figures for
+    a stiffness in N/m depend on the arm.
+    """
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = _FRICTION_RATIO
-    sphere = spec.body(tip).add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_TIP_RADIUS, 0, 0))
+    tip = spec.body(arm.tip_frame)
+    sphere = tip.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_TIP_RADIUS, 0, 0))
     surface = spec.worldbody.add_geom(
         name=_SURFACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(_HALF_WIDTH, _HALF_WIDTH, 0.01)
     )
@@ -178,19 +179,12 @@ def _add_surface(spec: mujoco.MjSpec, tip: str, settings: EnvironmentSettings) -
         geom.condim = 3
     surface.priority = 1  # its figures count, not a mixture
     surface.friction = (settings.contact_friction, 0.0, 0.0)
-
-
-def _set_stiffness(model: mujoco.MjModel, tip: str, settings: EnvironmentSettings) -> None:
-    """Give the contact its stiffness in N/m, of which MuJoCo's figures depend on the arm.
-
-    At rest the force of a contact with the constant impedance d and the reference -k is
-    k / ((1 - d) w) times the depth, where w is the inverse inertia of the tip.
-    """
-    surface = model.geom(_SURFACE)
-    inverse_inertia = model.body(tip).invweight0[0]
+    surface.solimp = (_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0)
+    model = compiled(spec, arm)
+    inverse_inertia = model.body(arm.tip_frame).invweight0[0]
     reference = settings.contact_stiffness * (1.0 - _IMPEDANCE) * inverse_inertia
-    surface.solref[:] = (-reference, -reference * _RELAXATION)
-    surface.solimp[:] = (_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0)
+    model.geom(_SURFACE).solref[:] = (-reference, -reference * _RELAXATION)
+    return model
 
 
 def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:

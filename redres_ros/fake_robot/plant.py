@@ -1,7 +1,6 @@
 """The simulated arm: in MuJoCo, or ideal; and either as its faulty sensors show it."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -52,14 +51,6 @@ class IdealPlant:
 
     def push(self, force: Force, link: str = '') -> None:
         """Do nothing."""
-
-
-class _Force(NamedTuple):
-    """A force on a body from outside, in the base frame."""
-
-    body: int
-    point: Position
-    force: Force
 
 
 class MujocoPlant:
@@ -131,9 +122,8 @@ class MujocoPlant:
         frame.
         """
         data = self._data
-        body = self._model.body(link).id if link else self._tip
         data.xfrc_applied[self._pushed] = 0.0
-        self._pushed = body
+        self._pushed = body = self._model.body(link).id if link else self._tip
         if not any(force):  # as in most cycles: the cross product would take half of a cycle's time
             return
         # at the body's centre of mass: it takes a torque to have it at the origin
@@ -143,15 +133,12 @@ class MujocoPlant:
     @property
     def wrench(self) -> Wrench:
         """Force and moment on the tip from outside, along the tip's axes."""
-        origin = self._data.xpos[self._tip]
-        force = np.zeros(3)
-        moment = np.zeros(3)
-        for each in self._forces():
-            if each.body == self._tip:
-                force += each.force
-                moment += np.cross(each.point - origin, each.force)
+        wrench = np.zeros((2, 3))  # in the base frame
+        for body, point, force in self._forces():
+            if body == self._tip:
+                wrench += (force, np.cross(point - self._data.xpos[body], force))
         R = self._data.xmat[self._tip].reshape(3, 3)
-        return np.concatenate((R.T @ force, R.T @ moment))
+        return np.concatenate((R.T @ wrench[0], R.T @ wrench[1]))
 
     @property
     def effort(self) -> JointTorques:
@@ -162,14 +149,12 @@ class MujocoPlant:
     def external_torques(self) -> JointTorques:
         """Joint torques of the forces from outside: J' f of contacts and of a push."""
         torques = np.zeros(self._model.nv)
-        for each in self._forces():
-            mujoco.mj_applyFT(
-                self._model, self._data, each.force, np.zeros(3), each.point, each.body, torques
-            )
+        for body, point, force in self._forces():
+            mujoco.mj_applyFT(self._model, self._data, force, np.zeros(3), point, body, torques)
         return torques
 
-    def _forces(self) -> Iterator[_Force]:
-        """Those of the contacts, all on the tip, and of a push."""
+    def _forces(self) -> Iterator[tuple[int, Position, Force]]:
+        """Body, point and force, in the base frame, of the contacts, all on the tip, and a push."""
         data = self._data
         in_its_frame = np.zeros(6)
         for number in range(data.ncon):
@@ -177,9 +162,8 @@ class MujocoPlant:
             mujoco.mj_contactForce(self._model, data, number, in_its_frame)
             force = contact.frame.reshape(3, 3).T @ in_its_frame[:3]  # on the second shape
             is_second = self._model.geom_bodyid[contact.geom[1]] == self._tip
-            yield _Force(self._tip, contact.pos.copy(), force if is_second else -force)
-        pushed = self._pushed
-        yield _Force(pushed, data.xpos[pushed], data.xfrc_applied[pushed, :3])
+            yield self._tip, contact.pos.copy(), force if is_second else -force
+        yield self._pushed, data.xpos[self._pushed], data.xfrc_applied[self._pushed, :3]
 
 
 class FaultyPlant:

@@ -3,6 +3,7 @@ which follows the commands, or brakes, and never jumps.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,14 +12,13 @@ from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.types import Cycles, JointPositions, Seconds
+from redres_ros.types import JointPositions, Seconds
 
 # fraction of the acceleration limit that closes a lag; the rest is left to the command itself
 _CATCH_UP = 0.5
 
 
-@dataclass(frozen=True)
-class ClientCommand:
+class ClientCommand(NamedTuple):
     """A client's valid command for the state of one tick."""
 
     tick: int
@@ -34,12 +34,8 @@ class _Course:
 
     tick: int  # of the last command
     q: JointPositions  # that command
-    slope: JointPositions  # the last step from tick to tick
-    curve: JointPositions  # its change from tick to tick; 0 for a straight line
-
-    @classmethod
-    def standstill(cls, tick: int, q: JointPositions) -> '_Course':
-        return cls(tick, q, np.zeros_like(q), np.zeros_like(q))
+    slope: JointPositions | float = 0.0  # the last step from tick to tick
+    curve: JointPositions | float = 0.0  # its change from tick to tick
 
     def at(self, tick: int) -> JointPositions:
         """The command for the state of a tick."""
@@ -48,14 +44,13 @@ class _Course:
 
     def through(self, command: ClientCommand, curved: bool) -> '_Course':
         """The course after a command for a later tick; not curved: straight on."""
-        q = np.array(command.q, dtype=np.float64)
         ticks = command.tick - self.tick
-        slope = (q - self.q) / ticks  # (n,) the mean step since the last command
+        mean = (command.q - self.q) / ticks  # (n,) step since the last command
         if not curved:
-            return _Course(command.tick, q, slope, np.zeros_like(q))
+            return _Course(command.tick, command.q, mean)
         # Steps slope + curve, slope + 2 curve, ... have this mean after so many ticks.
-        curve = 2.0 * (slope - self.slope) / (ticks + 1)  # (n,)
-        return _Course(command.tick, q, self.slope + ticks * curve, curve)
+        curve = 2.0 * (mean - self.slope) / (ticks + 1)  # (n,)
+        return _Course(command.tick, command.q, self.slope + ticks * curve, curve)
 
 
 class FakeRobot:
@@ -77,8 +72,7 @@ class FakeRobot:
         self.tick = 0  # k
         self._validator = CommandValidator(limits, plant.period, self.session.profile)
         self._interpolator = ReferenceInterpolator(limits, plant.period, plant.q)
-        self._course = _Course.standstill(-1, plant.q)
-        self._command = plant.q  # (n,) [rad] last one executed
+        self._course = _Course(-1, plant.q)
 
     @property
     def at_rest(self) -> bool:
@@ -110,32 +104,29 @@ class FakeRobot:
         """Count the cycle in the session and extrapolate from the commands. If the session lets
         command mode begin, it does so as from a standstill at the last one.
         """
-        lateness: Cycles | None = None
-        latency = 0.0
         for command in commands:
             curved = self.session.profile.extrapolates_acceleration
             self._course = self._course.through(command, curved)
-            lateness = self.tick - 1 - command.tick
-            latency = command.latency
-        self.session.record(lateness, latency)
+        if commands:
+            self.session.record(self.tick - 1 - commands[-1].tick, commands[-1].latency)
+        else:
+            self.session.record(None)
         if not (self.session.ready and self.at_rest):
             return
         first = self._course.q
         self.session.offer(float(np.abs(first - self.reference).max()))
         if self.session.commanding:
-            self._course = _Course.standstill(self._course.tick, first)
-            self._command = first
+            self._course = _Course(self._course.tick, first)
             self._interpolator.begin(first)
             self._validator.begin()
 
     def _execute(self, command: JointPositions) -> None:
         """Follow the command, unless the validator has a reason to stop."""
-        step = command - self._command  # (n,)
+        step = command - self._interpolator.command  # (n,)
         if reason := self._validator.violation(command, step / self.plant.period):
             self.session.stop(reason)
-            return
-        self._interpolator.follow(command, step)
-        self._command = command
+        else:
+            self._interpolator.follow(command)
 
 
 class ReferenceInterpolator:
@@ -162,20 +153,21 @@ class ReferenceInterpolator:
 
     def begin(self, command: JointPositions) -> None:
         """Follow constant commands; the distance to them is a lag."""
-        self._lag = command - self.reference  # (n,)
-        self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
+        self.command = command  # (n,), the last one
+        self._closing = np.zeros_like(command)  # (n,) part of the lag that the last cycle closed
 
-    def follow(self, command: JointPositions, step: JointPositions) -> None:
-        """Move on to a command, a step beyond the command before."""
+    def follow(self, command: JointPositions) -> None:
+        """Move on to the next command."""
+        lag = self.command - self.reference  # (n,)
         change = _CATCH_UP * self._max_change  # (n,)
         # A lag d is closed at sqrt(a d): a braking curve at half of the acceleration a that the
         # ramp allows is not overshot.
-        speed = np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag)))
-        desired = np.copysign(speed, self._lag)
+        speed = np.minimum(np.abs(lag), np.sqrt(change * np.abs(lag)))
+        desired = np.copysign(speed, lag)
         closing = self._closing + np.clip(desired - self._closing, -change, change)
-        self._move(command - (self._lag - closing))
-        self._closing = self._step - step
-        self._lag = command - self.reference
+        self._move(command - (lag - closing))
+        self._closing = self._step - (command - self.command)
+        self.command = command
 
     def brake(self) -> None:
         """Decelerate to rest, each joint as fast as its acceleration limit allows."""

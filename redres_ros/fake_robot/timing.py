@@ -19,29 +19,22 @@ _BOUNDS = {
 
 
 class TimingMonitor:
-    """Monitors the timing of one client, packet by packet.
-
-    Attributes:
-        age: Cycles by which the newest command is too old: they have to be bridged.
-        counts: Cycles since the start by their outcome: their command came in time, late, or not
-            at all; `bridged`, which the session counts, are those in command mode whose command was
-            extrapolated.
-        statistics: What FRI reports, over the last WINDOW packets: the fraction of cycles in which
-            a command arrived, late or not; mean and standard deviation of the time from a state to
-            its command [s]; the fraction of cycles without a command in time.
-        quality: The best one whose bounds the statistics meet, 3, or else 2, 1, 0.
-        at_fault: Which statistic keeps it from being better by one; empty for the best.
-    """
+    """Monitors the timing of one client, packet by packet."""
 
     def __init__(self, period: Seconds) -> None:
         self._period = period
         self._latenesses: deque[Cycles | None] = deque(maxlen=WINDOW)
         self._latencies: deque[int] = deque(maxlen=WINDOW)  # [ns]: their sums are exact
+        # by which the newest command is too old: they have to be bridged
         self.age: Cycles = 0
+        # Cycles since the start by what became of their command; the session counts those bridged.
         self.counts = Counter({'in time': 0, 'late': 0, 'missed': 0, 'bridged': 0})
+        # What FRI reports, over the last packets: the fraction of cycles in which a command
+        # arrived, late or not; mean and standard deviation of the time from a state to its command
+        # [s]; the fraction of cycles without a command in time
         self.statistics = dict.fromkeys(_BOUNDS, 0.0)
-        self.quality = 0
-        self.at_fault = 'response_rate'
+        self.quality = 0  # the best, up to 3, whose bounds the statistics meet
+        self.at_fault = 'response_rate'  # keeps it from being better; empty for the best
 
     def record(self, lateness: Cycles | None, latency: Seconds) -> None:
         """Enter one cycle, by the lateness of its command, 0: in time, None: no command; and the
@@ -56,36 +49,30 @@ class TimingMonitor:
             self._latencies.append(round(NANOSECONDS * latency))
             self.age = lateness
         self.statistics = self._statistics()
-        self.quality = 3
-        self.at_fault = ''
-        while self.quality > 0 and (breach := self._breach(self.quality)):
-            self.quality -= 1
-            self.at_fault = breach
+        qualities = {name: self._quality(name) for name in _BOUNDS}
+        self.quality = min(qualities.values())
+        self.at_fault = '' if self.quality == 3 else min(qualities, key=qualities.__getitem__)
 
     @property
     def complaint(self) -> str:
-        """The statistic at fault beside its bound, such as 'latency 9.1 ms, allowed 8 ms'."""
+        """The statistic that is at fault beside its bound: 'latency 9.1 ms, allowed 8 ms'."""
         name = self.at_fault
-        if not name:
-            return ''
         value = self.statistics[name]
-        bound = self._bound(name, self.quality + 1)
+        bound = self._bounds(name)[self.quality]
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
         expected = 'needed' if name == 'response_rate' else 'allowed'
         return f'{name.replace("_", " ")} {value:.0%}, {expected} {bound:.0%}'
 
-    def _bound(self, name: str, quality: int) -> float:
-        bound = _BOUNDS[name][quality - 1]
-        return bound * self._period if name in ('latency', 'jitter') else bound
+    def _bounds(self, name: str) -> tuple[float, ...]:
+        unit = self._period if name in ('latency', 'jitter') else 1.0
+        return tuple(unit * bound for bound in _BOUNDS[name])
 
-    def _breach(self, quality: int) -> str:
-        """Name of the first statistic that breaks its bound, empty if none does."""
-        for name, value in self.statistics.items():
-            bound = self._bound(name, quality)
-            if value < bound if name == 'response_rate' else value > bound:
-                return name
-        return ''
+    def _quality(self, name: str) -> int:
+        """How many of its bounds a statistic keeps."""
+        value = self.statistics[name]
+        sign = -1.0 if name == 'response_rate' else 1.0
+        return sum(sign * value <= sign * bound for bound in self._bounds(name))
 
     def _statistics(self) -> dict[str, float]:
         packets = len(self._latenesses)
