@@ -1,6 +1,7 @@
 """The live page: who may load it, what it shows, and that a click steers the node."""
 
 import asyncio
+import re
 import socket
 import threading
 from collections.abc import Iterator
@@ -91,7 +92,7 @@ def ask(server: Any, **headers: str) -> Any:
     connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=PATIENCE)
     connection.request('GET', '/', headers={key.replace('_', '-'): v for key, v in headers.items()})
     response = connection.getresponse()
-    response.read()
+    response.text = response.read().decode()
     connection.close()
     return response
 
@@ -103,6 +104,11 @@ def test_the_page_may_load_nothing_from_elsewhere_and_stand_in_no_frame(server: 
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
     assert 'http' not in policy and policy.count('ws:') == 1
     assert f'ws://127.0.0.1:{server.get_port()};' in policy
+
+
+def test_the_browser_shows_our_title(server: Any) -> None:
+    # Of several titles the first one counts.
+    assert re.findall('<title>(.*?)</title>', ask(server).text)[0] == 'redres'
 
 
 def test_a_foreign_host_and_a_foreign_page_get_nothing(server: Any) -> None:
@@ -320,6 +326,14 @@ def chromium() -> Iterator[Any]:
         page.set_default_timeout(1e3 * BROWSER_PATIENCE)
         yield page
         browser.close()
+
+
+@pytest.mark.slow
+def test_a_phone_shows_the_arm_and_one_bar_of_the_controls(chromium: Any, server: Any) -> None:
+    chromium.set_viewport_size({'width': 390, 'height': 844})
+    chromium.goto(f'http://127.0.0.1:{server.get_port()}')
+    bar = chromium.get_by_text('test', exact=True)
+    await_that(lambda: bar.is_visible() and bar.bounding_box()['y'] > 780, 'the bar at the bottom')
 
 
 @pytest.mark.realtime

@@ -103,8 +103,8 @@ def open_server(port: int, label: str, teleop: _Handler) -> viser.ViserServer:
 
 
 def _respond(respond: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
-    """viser's response to a request, with our script in the page, or a refusal; None goes on to a
-    websocket.
+    """viser's response to a request, with our title and script in the page, or a refusal; None goes
+    on to a websocket.
     """
     headers = request.headers
     hosts = headers.get_all('Host')
@@ -116,8 +116,8 @@ def _respond(respond: Callable[[Any, Any], Any], connection: Any, request: Any) 
         del headers['Accept-Encoding']  # packed, the page could not be changed
     response = respond(connection, request)
     if response is not None and response.status_code == HTTPStatus.OK:  # the page, all in one file
-        script = f'<head><script>{_SCRIPT.read_text(encoding="utf-8")}</script>'
-        response.body = response.body.replace(b'<head>', script.encode(), 1)
+        head = f'<head><title>redres</title><script>{_SCRIPT.read_text("utf-8")}</script>'
+        response.body = response.body.replace(b'<head>', head.encode(), 1)
         del response.headers['Content-Length']
         response.headers['Content-Length'] = str(len(response.body))
         response.headers['Content-Security-Policy'] = _POLICY.format(host=hosts[0])

@@ -1,4 +1,5 @@
-// Sends what the operator holds, thirty times a second, and nothing while he holds nothing.
+// Sends what the operator holds, thirty times a second, and nothing while he holds nothing; on a
+// phone it also leaves the screen to the arm.
 (() => {
   'use strict';
   const PERIOD = 33;  // [ms]
@@ -22,6 +23,8 @@
   let socket = null;
   let held = false;
   let status = null;
+
+  const isNarrow = () => window.matchMedia('(max-width: 36em)').matches;  // viser's own bound
 
   const letGo = () => {
     pressed.clear();
@@ -120,8 +123,9 @@
     if (old) old.remove();
     if (!rows) return;
     const box = make('details', document.body,
-      'position: fixed; z-index: 20; bottom: 12px; left: 50%; width: min(300px, 90vw); '
-      + 'transform: translateX(-50%); padding: 7px 10px; font: 13px/1.4 system-ui, sans-serif; '
+      `position: fixed; ${isNarrow() ? 'z-index: 9; bottom: 58px' : 'z-index: 20; bottom: 12px'}; `
+      + 'left: 50%; width: min(300px, 90vw); transform: translateX(-50%); padding: 7px 10px; '
+      + 'font: 13px/1.4 system-ui, sans-serif; '
       + 'background: white; border: 1px solid #ced4da; border-radius: 6px; '
       + 'box-shadow: 0 1px 4px #0003;');
     box.id = 'teleop';
@@ -151,6 +155,18 @@
     });
   };
 
-  document.addEventListener('DOMContentLoaded', connect);
+  // viser begins with its controls open, over the arm; a tap on their bar opens them again.
+  const closeControls = (_, observer) => {
+    const bar = document.querySelector('[style*="cursor: pointer"][style*="height: 3.5em"]');
+    if (!bar) return;
+    observer.disconnect();
+    bar.click();
+  };
+
+  document.addEventListener('DOMContentLoaded', () => {
+    connect();
+    if (!isNarrow()) return;
+    new MutationObserver(closeControls).observe(document.body, { childList: true, subtree: true });
+  });
   setInterval(beat, PERIOD);
 })();
