@@ -13,10 +13,10 @@ Q0 = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))  # the paper
 class Connection:
     """The robot, what its client sends, and the ticks in between; latencies are not measured."""
 
-    def __init__(self, robot: FakeRobot, seed: int = 0) -> None:
+    def __init__(self, robot: FakeRobot) -> None:
         self.robot = robot
         self.clock = RobotClock(EPOCH, round(robot.plant.period * NANOSECONDS))
-        self.receiver = CommandReceiver(robot, self.clock, timed=False, seed=seed)
+        self.receiver = CommandReceiver(robot, self.clock, timed=False)
 
     def send(self, tick: int, q: np.ndarray, names: tuple[str, ...] | None = None) -> None:
         """Send q [rad] as the command for the state of a tick."""

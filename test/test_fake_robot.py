@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from redres_ros.errors import JointNamesError
-from redres_ros.fake_robot.faults import Link
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.session import SessionSettings
@@ -154,7 +153,7 @@ def test_a_late_command_is_brought_up_to_date(lateness):
 def test_commands_that_get_lost_or_out_of_order_on_their_way_do_no_harm():
     robot = make_robot()
     connection = Connection(robot)
-    connection.receiver.network.link = Link(loss=0.015, disorder=0.02)
+    connection.receiver.network.set_faults(loss=0.015, disorder=0.02)
     references = []
     for tick in range(5000):
         connection.advance()

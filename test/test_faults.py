@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.fake_robot.faults import Faults, Link, NetworkModel
+from redres_ros.fake_robot.faults import Faults, NetworkModel
 from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.parameter import parameters
 from redres_ros.robots import find_arm
@@ -22,10 +22,12 @@ LIMITS = JointLimits.of(ARM)
 MANY = 20000  # messages
 
 
-def transmit(network: NetworkModel[int], messages: int, rest: int = 100) -> list[tuple[int, int]]:
+def transmit(messages: int, seed: int = 0, **faults: float) -> list[tuple[int, int]]:
     """Message k is sent at tick k; what arrives is (tick, message), in that order."""
+    network = NetworkModel[int](seed)
+    network.set_faults(**faults)
     arrived = []
-    for tick in range(messages + rest):
+    for tick in range(messages + 100):
         if tick < messages:
             network.send(tick, tick)
         arrived += [(tick, message) for message in network.receive(tick)]
@@ -34,18 +36,17 @@ def transmit(network: NetworkModel[int], messages: int, rest: int = 100) -> list
 
 @pytest.mark.parametrize('delay', [0, 7])
 def test_a_delay_is_that_of_every_message(delay):
-    network = NetworkModel(link=Link(delay=delay))
-    assert transmit(network, 1000) == [(k + delay, k) for k in range(1000)]
+    assert transmit(1000, delay=delay) == [(k + delay, k) for k in range(1000)]
 
 
 def test_losses_have_the_fraction_that_was_asked_for():
-    arrived = transmit(NetworkModel(2, Link(loss=0.3)), MANY)
+    arrived = transmit(MANY, 2, loss=0.3)
     deviation = np.sqrt(0.3 * 0.7 * MANY)
     assert MANY - len(arrived) == pytest.approx(0.3 * MANY, abs=4.0 * deviation)
 
 
 def test_in_disorder_messages_arrive_twice_and_right_after_the_next():
-    arrived = transmit(NetworkModel(4, Link(disorder=0.2)), MANY)
+    arrived = transmit(MANY, 4, disorder=0.2)
     order = [message for message, _ in groupby(message for _, message in arrived)]
     # The last one may wait for another for ever.
     assert sorted(order) in (list(range(MANY)), list(range(MANY - 1)))
@@ -58,17 +59,17 @@ def test_in_disorder_messages_arrive_twice_and_right_after_the_next():
     assert len(overtaken) == pytest.approx(MANY * 0.2 / 1.2, abs=4.0 * np.sqrt(MANY * 0.2))
 
 
-LINKS = st.builds(
-    Link, delay=st.integers(0, 5), loss=st.floats(0.0, 1.0), disorder=st.floats(0.0, 1.0)
+FAULTS = st.fixed_dictionaries(
+    {'delay': st.integers(0, 5), 'loss': st.floats(0.0, 1.0), 'disorder': st.floats(0.0, 1.0)}
 )
 
 
-@given(LINKS, st.integers(0, 2**32))
-def test_the_same_seed_does_the_same_and_loses_the_same_whatever_else_is_at_fault(link, seed):
-    arrived = transmit(NetworkModel(seed, link), 100)
-    assert arrived == transmit(NetworkModel(seed, link), 100)
-    assert all(tick - message >= link.delay for tick, message in arrived)
-    kept = {message for _, message in transmit(NetworkModel(seed, Link(loss=link.loss)), 100)}
+@given(FAULTS, st.integers(0, 2**32))
+def test_the_same_seed_does_the_same_and_loses_the_same_whatever_else_is_at_fault(faults, seed):
+    arrived = transmit(100, seed, **faults)
+    assert arrived == transmit(100, seed, **faults)
+    assert all(tick - message >= faults['delay'] for tick, message in arrived)
+    kept = {message for _, message in transmit(100, seed, loss=faults['loss'])}
     missing = kept - {message for _, message in arrived}
     assert missing in (set(), {max(kept, default=0)})  # the last may wait for another for ever
 
@@ -77,12 +78,6 @@ def test_every_fault_is_a_live_parameter():
     declared = parameters(Faults)
     assert {f.name for f in fields(Faults)} - {f.name for f in declared} == {'encoder_step'}
     assert all(parameter.live for parameter in declared.values())
-
-
-def test_states_and_commands_have_links_of_their_own():
-    faults = Faults(state_delay=1, state_loss=0.2, disorder=0.3, command_delay=4, command_loss=0.5)
-    assert faults.states == Link(1, 0.2, 0.3)
-    assert faults.commands == Link(4, 0.5, 0.3)
 
 
 @pytest.mark.parametrize(

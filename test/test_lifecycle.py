@@ -14,6 +14,7 @@ from graph_helpers import START
 from lifecycle_msgs.msg import Transition
 from own_ros import ros
 from rclpy.lifecycle import TransitionCallbackReturn
+from sensor_msgs.msg import JointState
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros.nodes.conversions import to_joint_state, to_twist
@@ -123,6 +124,15 @@ def test_an_inactive_sim_neither_sends_nor_receives(start_inactive: None) -> Non
         if not active:
             sim.trigger_activate()
     assert not sim._session.commanding
+
+
+@pytest.mark.parametrize('lost', ['state_loss', 'command_loss'])
+def test_the_sim_loses_what_its_fault_says(lost: str) -> None:
+    with ros('--log-level', 'fatal', '-p', f'{lost}:=1.0'):
+        sim = SimNode()
+    for network, fault in ((sim._states, 'state_loss'), (sim._receiver.network, 'command_loss')):
+        network.send(JointState(), 0)
+        assert bool(network.receive(0)) is (fault != lost)
 
 
 def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> None:

@@ -35,14 +35,12 @@ class CommandReceiver:
     lock-step, latencies are not measured.
     """
 
-    def __init__(
-        self, robot: FakeRobot, clock: RobotClock, *, timed: bool = True, seed: int = 0
-    ) -> None:
+    def __init__(self, robot: FakeRobot, clock: RobotClock, *, timed: bool = True) -> None:
         # How many are in the graph. While more than one sends commands, none is taken. One that was
         # killed stays in the graph for some 20 s, but is silent.
         self.publishers = 1
         self.newest: Nanoseconds = 0  # stamp of the state that the last command was for
-        self.network: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands')
+        self.network: NetworkModel[_ArrivedCommand] = NetworkModel('0 commands')
         self._robot = robot
         self._clock = clock
         self._timed = timed

@@ -17,37 +17,35 @@ _fraction = partial(_live, 0.0, lower=0.0, upper=1.0)
 _cycles = partial(_live, 0, lower=0, upper=1000)
 
 
-@dataclass(frozen=True)
-class Link:
-    """Faults of a network; none by default."""
-
-    delay: Cycles = 0  # of every message
-    loss: float = 0.0  # probability that a message is lost
-    disorder: float = 0.0  # probability that it arrives twice, and that it arrives after the next
-
-
 class NetworkModel(Generic[M]):
-    """Delivers messages with the faults of `link`, the same for the same seed.
+    """Delivers messages with the faults that are set, the same for the same seed.
 
-    Every message draws three random numbers whatever the link, which may be set at any time:
-    setting one fault does not move the others.
+    Every message draws three random numbers whatever is set: one fault does not move the others.
     """
 
-    def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
-        self.link = link or Link()
+    def __init__(self, seed: int | str) -> None:
+        self.set_faults()
         self._random = Random(seed)
         self._under_way: deque[tuple[int, M]] = deque()  # with the tick when each is due
         self._overtaken: list[M] = []  # to arrive right after the next message
 
+    def set_faults(self, delay: Cycles = 0, loss: float = 0.0, disorder: float = 0.0) -> None:
+        """Set the delay of every message, the probability that one is lost, and that with which
+        one arrives twice, or after the next.
+        """
+        self._delay = delay
+        self._loss = loss
+        self._disorder = disorder
+
     def send(self, message: M, tick: int) -> None:
         losing, doubling, overtaking = (self._random.random() for _ in range(3))
-        if losing < self.link.loss:
+        if losing < self._loss:
             return
-        copies = [message, message] if doubling < self.link.disorder else [message]
-        if not self._overtaken and overtaking < self.link.disorder:
+        copies = [message, message] if doubling < self._disorder else [message]
+        if not self._overtaken and overtaking < self._disorder:
             self._overtaken = copies
             return
-        due = tick + self.link.delay
+        due = tick + self._delay
         self._under_way.extend((due, arriving) for arriving in (*copies, *self._overtaken))
         self._overtaken = []
 
@@ -84,13 +82,3 @@ class Faults:
         check_parameters(self)
         if len(self.push_force) != 3:
             raise ArrayError(f'push_force holds {len(self.push_force)} numbers; expected 3')
-
-    @property
-    def states(self) -> Link:
-        """Faults of the link that carries states to the client."""
-        return Link(self.state_delay, self.state_loss, self.disorder)
-
-    @property
-    def commands(self) -> Link:
-        """Faults of the link that carries commands to the robot."""
-        return Link(self.command_delay, self.command_loss, self.disorder)

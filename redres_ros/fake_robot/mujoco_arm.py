@@ -61,7 +61,8 @@ def servo_model(
     arm: Arm, environment: EnvironmentSettings, servo_bandwidth: float
 ) -> mujoco.MjModel:
     """The arm with gravity compensation and three actuators per joint: first all k (q_r - q), then
-    all d (dq_r - dq), then all torques that are fed forward.
+    all d (dq_r - dq), then all torques that are fed forward. With k = D w^2 and d = 2 D w, where w
+    is the bandwidth of the servos [rad/s] and D bounds the inertia matrix, no mode is underdamped.
 
     ctrl is dq_r for the first two; the position actuators integrate it to q_r, their activation, so
     a cycle is one call into C. Raises FileError for a URDF that MuJoCo cannot use, UnknownNameError
@@ -193,10 +194,10 @@ def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
     """
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
-    lower, upper = joint_range(model, np.pi)
+    limits = joint_range(model, np.pi)
     bound = np.zeros(model.nv)
     for _ in range(_SAMPLES):
-        data.qpos[:] = random.uniform(lower, upper)
+        data.qpos[:] = random.uniform(*limits)
         mujoco.mj_fwdPosition(model, data)
         bound = np.maximum(bound, np.abs(inertia(model, data)).sum(axis=1))
     return bound

@@ -30,8 +30,6 @@ _SENSOR_BIAS = 5.0  # [N] of a faulty force sensor, along the tip's z
 class IdealPlant:
     """An arm that reaches its reference exactly one cycle later: the paper's assumption. It does
     not yield to forces. Raises ArrayError for a start of another length, or one not finite.
-
-    q and its mean velocity dq over the last cycle are new arrays in each cycle.
     """
 
     links: tuple[str, ...] = ()  # any may be pushed
@@ -58,12 +56,10 @@ class MujocoPlant:
 
     Within a cycle the reference moves on a straight line from the last one to the new one. Its
     velocity is fed forward, as in the fine interpolation of the real controller, and so is the
-    torque of Eq. (6) for its acceleration. Gravity is compensated at every plant step; what is left
-    is left to the servos. All stay within the URDF's effort limits, joints within their range.
-
-    With k = D w^2 and d = 2 D w, where w is the bandwidth of the servos [rad/s] and D bounds the
-    inertia matrix, no mode is ever underdamped. At w = 100 the tip follows the paper's task to
-    1 um, and to 0.12 mm where a joint jumps.
+    torque of Eq. (6) for its acceleration. Gravity is compensated at every plant step; the servos
+    do the rest. All stay within the URDF's effort limits, joints within their range. At a servo
+    bandwidth of 100 rad/s the tip follows the paper's task to 1 um, and to 0.12 mm where a joint
+    jumps.
 
     Raises RedresError for a period that is not a whole number of plant steps, ArrayError or
     RangeError for a start outside the limits, and as `servo_model`.
@@ -170,8 +166,8 @@ class FaultyPlant:
     """A plant as its faulty sensors show it; without faults exactly the plant itself. Raises as
     `check`.
 
-    Noise of the encoders is drawn once a cycle, the same for the same seed. The velocities of
-    encoders at fault are differences of their positions. Other faults act from the next cycle on.
+    The noise of the encoders is the same for the same seed. The velocities of encoders at fault are
+    differences of their positions. Other faults act from the next cycle on.
     """
 
     def __init__(
@@ -210,13 +206,10 @@ class FaultyPlant:
         faults = self.faults  # one for the whole cycle
         self.true.push(np.array(faults.push_force), faults.push_link)
         self.true.step(q_ref)
-        q = self.true.q.copy()
-        dq = self.true.dq
+        q = self.true.q
         if faults.encoder_noise:
-            q += self._random.normal(0.0, faults.encoder_noise, len(q))
+            q = q + self._random.normal(0.0, faults.encoder_noise, len(q))
         if faults.encoder_step:
             q = faults.encoder_step * np.round(q / faults.encoder_step)
-        if faults.encoder_noise or faults.encoder_step:
-            dq = (q - self.q) / self.period
+        self.dq = self.true.dq if q is self.true.q else (q - self.q) / self.period
         self.q = q
-        self.dq = dq

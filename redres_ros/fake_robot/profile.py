@@ -7,8 +7,6 @@ from enum import Enum
 
 from redres_ros.types import Radians, Seconds
 
-_HALF_A_DEGREE = math.radians(0.5)
-
 
 class Event(Enum):
     """What moves a session from state to state."""
@@ -48,12 +46,9 @@ _KUKA_NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A kind of session. The defaults are those of KUKA's robots.
+    """A kind of session. The defaults are those of KUKA's robots."""
 
-    `transitions` lead from each state, the first of which is the initial one, by an event to
-    another state; other events change nothing.
-    """
-
+    # from each state, the first of which is the initial one, to others; other events change nothing
     transitions: Mapping[str, Mapping[Event, str]]
     commanding: str  # in which the arm follows its client
     qualities: tuple[str, str, str, str]  # names, the worst first
@@ -66,12 +61,9 @@ class Profile:
     # How limits are applied. The acceleration is averaged over the window.
     acceleration_window: Seconds = 0.02
     acceleration_tolerance: Seconds = 2e-4  # allowed excess: so long at twice the limit
-    position_margin: Radians = _HALF_A_DEGREE  # kept from the position limits
+    position_margin: Radians = math.pi / 360.0  # kept from the position limits: half a degree
     velocity_stops: bool = False  # a velocity above its limit is a fault, and not just limited
     jerk_limit: float = math.inf  # [rad/s^3]
-
-    def after(self, state: str, event: Event) -> str:
-        return self.transitions[state].get(event, state)
 
 
 _ANY_TIMING = (Event.POOR_TIMING, Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
@@ -108,10 +100,9 @@ PROFILES = {
         lowest=2,
     ),
     # The Franka Control Interface as a client of joint positions sees it. States and reflexes have
-    # libfranka's names; those of qualities are ours. Franka's documentation of the interface has
-    # the figures: with constant acceleration the robot bridges packets that are lost, the twentieth
-    # in a row ends the motion, and the joints of FR3 have a jerk limit of 5000 rad/s^3, differences
-    # being taken over 1 ms.
+    # libfranka's names; those of qualities are ours. By Franka's documentation the robot bridges
+    # lost packets with constant acceleration, the twentieth in a row ends the motion, and the jerk
+    # limit of FR3's joints holds for differences over 1 ms.
     'fci': Profile(
         transitions={
             'IDLE': {Event.FIRST_COMMAND: 'MOVE', Event.FAULT: 'REFLEX'},

@@ -72,17 +72,13 @@ class FakeRobot:
         self.tick = 0  # k
         self._validator = CommandValidator(limits, plant.period, self.session.profile)
         self._interpolator = ReferenceInterpolator(limits, plant.period, plant.q)
+        self.reference = plant.q  # where the plant was sent last; a new array in each cycle
         self._course = _Course(-1, plant.q)
 
     @property
     def at_rest(self) -> bool:
         """Whether the reference stands still."""
         return self._interpolator.at_rest
-
-    @property
-    def reference(self) -> JointPositions:
-        """Where the plant was sent in the last cycle; a new array in each."""
-        return self._interpolator.reference
 
     def advance(self, *commands: ClientCommand) -> None:
         """Move from tick k to k + 1, by the commands that came since, in the order of their ticks.
@@ -94,9 +90,15 @@ class FakeRobot:
         if self.tick > 0:  # before, no state has been sent that a command could be for
             self._receive(commands)
         if self.session.commanding:
-            self._execute(self._course.at(self.tick - 1))
+            command = self._course.at(self.tick - 1)
+            velocity = (command - self._interpolator.command) / self.plant.period  # (n,)
+            if reason := self._validator.violation(command, velocity):
+                self.session.stop(reason)
+            else:
+                self._interpolator.follow(command)
         if not self.session.commanding:
             self._interpolator.brake()
+        self.reference = self._interpolator.reference
         self.plant.step(self.reference)
         self.tick += 1
 
@@ -119,14 +121,6 @@ class FakeRobot:
             self._course = _Course(self._course.tick, first)
             self._interpolator.begin(first)
             self._validator.begin()
-
-    def _execute(self, command: JointPositions) -> None:
-        """Follow the command, unless the validator has a reason to stop."""
-        step = command - self._interpolator.command  # (n,)
-        if reason := self._validator.violation(command, step / self.plant.period):
-            self.session.stop(reason)
-        else:
-            self._interpolator.follow(command)
 
 
 class ReferenceInterpolator:

@@ -39,11 +39,7 @@ class SessionSettings:
 
 
 class Session:
-    """Grants command mode to a client with good timing, and ends it with a reason that stays
-    until `reset`.
-
-    The robot records every cycle, offers a first command, and reports refusals and violations.
-    """
+    """Grants command mode to a client with good timing, and ends it with a lasting reason."""
 
     def __init__(self, period: Seconds, settings: SessionSettings) -> None:
         self.profile = PROFILES[settings.profile]
@@ -139,4 +135,4 @@ class Session:
         return f'{self.profile.reflexes[Reflex.TIMING]}: {problem}{refused}'
 
     def _take(self, event: Event) -> None:
-        self.state = self.profile.after(self.state, event)
+        self.state = self.profile.transitions[self.state].get(event, self.state)

@@ -275,9 +275,10 @@ class SimNode(ManagedNode):
         self._plant.check(with_changes(self._plant.faults, changes))
 
     def _set_faults(self, changes: dict[str, Any]) -> None:
-        self._plant.faults = with_changes(self._plant.faults, changes)
-        self._states.link = self._plant.faults.states
-        self._receiver.network.link = self._plant.faults.commands
+        faults = self._plant.faults = with_changes(self._plant.faults, changes)
+        self._states.set_faults(faults.state_delay, faults.state_loss, faults.disorder)
+        commands = self._receiver.network
+        commands.set_faults(faults.command_delay, faults.command_loss, faults.disorder)
 
     def _health(self) -> Health:
         session = self._session
