@@ -309,6 +309,23 @@ def test_an_arm_that_others_have_moved_does_not_go_back(
             now.assert_well()
 
 
+@pytest.mark.parametrize('rate', by_day(1, RATES))
+def test_an_arm_that_others_move_while_its_command_moves_does_not_go_back(
+    rate: float, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        now.advance(0.5)
+        plan(now.graph, now.robot, AIM / 3.0)
+        now.advance(0.7)
+        now.robot.carry(-0.08 * np.sign(ARM.start), 0.3)
+        now.advance(2.0)
+        now.robot.activate()
+        stood = now.robot.q
+        now.advance(0.5)
+        assert np.abs(now.robot.q - stood).max() <= 1e-5
+        now.robot.hardware.assert_followable()
+
+
 @pytest.mark.parametrize('rate', by_day(2, RATES))
 @pytest.mark.parametrize('way', [0.08, 0.4])  # [rad]
 def test_an_arm_that_others_move_is_taken_over_where_it_is(

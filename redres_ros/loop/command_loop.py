@@ -239,20 +239,17 @@ class CommandLoop:
         controller = self._controller
         published = controller.published
         stays = self.mode is Mode.HOLDING or (self._holds and self.mode in MOVING_MODES)
-        if q is None or published is None:
-            stays = False
-        elif self._interface.forwards_commands:
-            stays = stays and not self._held_reference.is_left(q)
-        else:
-            stays = stays and not self.faults.is_away(q)
+        is_away = self.faults.is_away
+        if self._interface.forwards_commands:
+            is_away = self._held_reference.is_left
         self.faults.clear()
         self.faults.begin()
         self.input.buffer.clear()
         self._end_approach()
-        if published and stays:
-            controller.hold_at(published.q)
-        else:
+        if q is None or published is None or not stays or is_away(q):
             controller.restart()
+        else:
+            controller.hold_at(published.q)
         self.newest_response = None
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
@@ -406,14 +403,9 @@ class CommandLoop:
         measurements = self.measurements
         takes_commands = self._session in ('', *COMMANDING)
         commandable = takes_commands and self._is_connected and faults.executes
-        interlocks = (
-            faults.reason and not faults.released,
-            self._cycles.rate_error,
-            not commandable,
-            self._held,
-            not self._active,
-        )
-        blocked = any(interlocks)
+        is_stopped = self._held or not self._active or not commandable
+        has_fault = faults.reason and not faults.released
+        blocked = bool(is_stopped or has_fault or self._cycles.rate_error)
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)

@@ -40,13 +40,15 @@ class HeldReference:
     While the arm is elsewhere, nothing may be published: a robot that holds stays as it is, and one
     that begins to listen does not leap. The reference is placed where the arm comes to rest. If the
     arm then goes on by as much, it follows: it sags, which is explained from then on, as it would
-    sink for ever. So is the error of an arm that has followed a motion, unless it goes further than
-    its lag explains, or comes to rest beyond what following allows: then others have moved it.
+    sink for ever. So is the error of an arm that has followed a motion, if it comes to rest within
+    what its lag explains, and no further from its reference than ever at rest. Before it has rested
+    following bounds that. Otherwise others have moved it; the same error once more is its servo's.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._allowed = controller.robot_interface.following_tolerance  # [rad]
+        self._largest = np.full(controller.model.n, np.nan)  # error at rest, (n,) [rad]
         self.begin(np.zeros(controller.model.n))
 
     def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
@@ -56,8 +58,9 @@ class HeldReference:
         self._still = 0.0  # [s] for which it has stood there
         self._began = q
         self._explained = _SERVO if lag is None else lag + _SERVO  # from there, (n,) [rad]
-        # That of an arm that follows, once it is at rest, (n,) [rad]; None: whatever is measured.
-        self._expected = self._servo if lag is None else None
+        self._follows = lag is not None
+        if lag is None:
+            self._expected = self._servo  # the error that shows that the arm sags, (n,) [rad]
 
     def is_left(self, q: JointPositions) -> bool:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
@@ -72,20 +75,25 @@ class HeldReference:
         self._still += seconds
         error = q - controller.reference - self._servo
         away = largest(error)
-        if self._expected is None:
-            is_beyond = self._still >= _REST and away > self._allowed
-            if is_beyond or (np.abs(q - self._began) > self._explained).any():
+        is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
+        if self._follows:
+            is_beyond = away > self._allowed or (np.abs(error) > self._largest + _SERVO).any()
+            is_moved = self._still >= _REST and is_beyond and not is_same
+            if is_moved or (np.abs(q - self._began) > self._explained).any():
+                self._follows = False
                 self._expected = np.zeros(len(q))
-        expected = self._expected
+                is_same = False
         if self._still < _REST:
-            return expected is None or away <= _SERVO
+            return self._follows or away <= _SERVO
         self._expected = np.zeros(len(q))
-        if expected is None or largest(error - expected) <= min(_SERVO, away / 2):
+        if self._follows or is_same:
             self._servo = self._servo + error
         elif away > _SERVO:
             controller.hold_at(q - self._servo)
             self._expected = error
             self._still = 0.0
+        self._follows = False
+        self._largest = np.fmax(self._largest, np.abs(self._servo))
         return True
 
 
