@@ -11,8 +11,7 @@ In order of priority, each level as well as the higher ones allow:
 
 The caller knows dq_free, the same optimum without limits (resolution.py), which does not keep them.
 It replaces b in level 5: W (dq_free - b) is orthogonal to all motion that leaves J dq as it is, so
-both have the same minimum. This file knows no limit, task or
-law by name; the numerical work is done in kernels/active_set.py.
+both have the same minimum. kernels/active_set.py searches; no limit, task or law is named here.
 """
 
 from collections.abc import Sequence
@@ -60,6 +59,8 @@ def solve_constrained(
     box: Box,
     rows: Sequence[Rows] = (),
     active_set: np.ndarray | None = None,
+    sizes: Sequence[int] = (),
+    groups: Sequence[int] = (),
 ) -> Constrained:
     """The optimum under limits: always finite and in the box, and nearest to standing still if the
     input is not finite.
@@ -73,22 +74,23 @@ def solve_constrained(
         rows: Each group of other limits, in order of priority.
         active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
+        sizes, groups: How many rows each task has, and each group, if one array has several.
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
-    sizes = _sizes(len(dx)) if len(tasks) == 1 else _sizes(*[len(dx) for _, dx in tasks])
-    C, low, high, groups = _stacked_rows(rows, n)
+    counts = _sizes(*sizes) if sizes else _sizes(*[len(dx) for _, dx in tasks])
+    stacked_rows = _stacked_rows(rows, n, groups)
     factor, form = as_array(W)  # that of a SQUARE is symmetric: W = M'M
     if form == WEIGHT:
         factor = np.zeros((n, n))
         fill_factor(np.asarray(W, FLOAT64), factor)
     if active_set is None:
         active_set = np.zeros(n + 1, np.int64)
-    problem = dq_free, factor, J, dx, sizes, np.asarray(box, FLOAT64)
-    if len(low) > _FEW:
-        return _with_needed_rows(problem, (C, low, high, groups), active_set)
+    problem = dq_free, factor, J, dx, counts, np.asarray(box, FLOAT64)
+    if len(stacked_rows[1]) > _FEW:
+        return _with_needed_rows(problem, stacked_rows, active_set)
     dq = np.empty(n)
-    return Constrained(dq, *hierarchical_qp(*problem, C, low, high, groups, active_set, dq))
+    return Constrained(dq, *hierarchical_qp(*problem, *stacked_rows, active_set, dq))
 
 
 def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndarray) -> Constrained:
@@ -120,14 +122,16 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
     return solved
 
 
-def _stacked_rows(rows: Sequence[Rows], n: int) -> _StackedRows:
+def _stacked_rows(rows: Sequence[Rows], n: int, groups: Sequence[int]) -> _StackedRows:
     """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
     if not rows:
         return _no_rows(n)
-    C = np.concatenate([C for C, _, _ in rows], dtype=np.float64)
-    low = np.concatenate([low for _, low, _ in rows], dtype=np.float64)
-    high = np.concatenate([high for _, _, high in rows], dtype=np.float64)
-    return C, low, high, np.array([len(low) for _, low, _ in rows], np.int64)
+    counts = _sizes(*(groups or [len(low) for _, low, _ in rows]))
+    if len(rows) == 1:  # nothing to copy
+        C, low, high = (np.asarray(each, FLOAT64) for each in rows[0])
+    else:
+        C, low, high = (np.concatenate(each, dtype=FLOAT64) for each in zip(*rows, strict=True))
+    return C, low, high, counts
 
 
 @lru_cache

@@ -68,8 +68,8 @@ class Problem:
         correction = Correction(self.dx * is_held, is_held, np.full(6, AWAY))
         components = split_components(tasks[0], SIZES, correction)
         solved, _, _ = solve_components(
-            *(self.dq_free, self.W, tasks, self.box, [], np.zeros((3, 8), np.int64)),
-            *(components, ANY, np.zeros(7), yielding),
+            *(self.dq_free, self.W, tasks, self.box, [], np.zeros((2, 8), np.int64)),
+            *(components, lambda: ANY, np.zeros(7), yielding),
         )
         return solved
 

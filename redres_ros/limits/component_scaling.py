@@ -27,8 +27,7 @@ what the other does.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +56,6 @@ _CREEP = 0.05, 0.02  # of its velocity the leading one, of its spread the other 
 
 _NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
 _NOTHING = 1e-9  # of dx; a component with less is not asked for
-_NO_RATES = np.zeros(0)
 
 
 class Yielding(NamedTuple):
@@ -140,13 +138,13 @@ def solve_components(
     rows: Sequence[Rows],
     active_sets: np.ndarray,
     components: Sequence[Component],
-    steady_box: Box,
+    steady_box: Callable[[], Box],
     dq_prev: JointVelocities,
     yielding: Yielding,
 ) -> tuple[Constrained, float, float]:
     """As solve_constrained(), with a scaling factor for each component of the first task; and what
     Yielding.after() takes. The steady box is that without the limits on accelerations; each of the
-    three searches has a row of `active_sets`.
+    first two searches has a row of `active_sets`.
     """
     asked = [component for component in components if component.is_asked]
     least = 0.0
@@ -155,66 +153,68 @@ def solve_components(
         whole = solve_constrained(dq_free, W, tasks, box, rows, active_sets[0])
         is_exact = whole.error <= _NOTICEABLE
         if (is_exact and whole.s >= 1.0) or not np.isfinite(whole.error) or not asked:
-            return replace(whole, component_scaling=(whole.s,) * len(components)), 1.0, 1.0
+            whole.component_scaling = (whole.s,) * len(components)
+            return whole, 1.0, 1.0
         s = whole.s
-        least = s if is_exact else 0.0
+        least = s if is_exact and not any(yielding[1:]) else 0.0
     leading = max(asked, key=lambda each: (1 + (_LEAD - 1) * each.fraction(dq_prev)) * each.length)
     following = [component for component in components if component is not leading]
-    problem = _Problem(dq_free, W, tasks[1:], box, rows, leading, following)
-    solved = problem.solved(yielding, least, active_sets[1])
-    executed = leading.fraction(solved.dq) / _speed(yielding.sliding)
-    steady = executed
-    if executed < _LITTLE or yielding.weight or yielding.sliding:
-        problem = problem._replace(W=None, tasks=(), box=steady_box)
-        steady = leading.fraction(problem.solved(Yielding(), 0.0, active_sets[2]).dq)
+    counts = [len(low) for _, low, _ in rows]
+    own, level, groups, sizes = _searched(leading, following, yielding, least)
+    how = [*rows, own], active_sets[1], sizes + [len(dx) for _, dx in tasks[1:]], counts + groups
+    solved = solve_constrained(dq_free, W, [level, *tasks[1:]], box, *how)
     solved.component_scaling = tuple(component.fraction(solved.dq) for component in components)
     solved.s = min(solved.component_scaling) if s is None else s
-    return solved, steady, executed
+    executed = leading.fraction(solved.dq) / _speed(yielding.sliding)
+    if executed >= _LITTLE and not any(yielding[1:]):
+        return solved, executed, executed
+    own, (A, a), groups, _ = _searched(leading, following, Yielding(), 0.0)
+    # Level 3 alone, and then what is nearest to where the search begins: that is found soonest
+    problem = solved.dq, None, [(A[:1], a[:1])], steady_box(), [*rows, own]
+    steady = solve_constrained(*problem, None, (0, 1), counts + groups)
+    return solved, leading.fraction(steady.dq), executed
 
 
-class _Problem(NamedTuple):
-    """Limits and tasks, and what comes in place of the first one."""
-
-    dq_free: JointVelocities
-    W: Weight
-    tasks: Sequence[Level]
-    box: Box
-    rows: Sequence[Rows]
-    leading: Component
-    following: Sequence[Component]
-
-    def solved(self, yielding: Yielding, least: float, active_set: np.ndarray) -> Constrained:
-        """The optimum, where no component that is asked for has less than a factor."""
-        weight = yielding.weight
-        stuck = weight * yielding.sliding
-        rates = self.leading.rates
-        most = _speed(yielding.sliding) * self.leading.length
-        if weight or yielding.sliding:
-            least = 0.0
-        rows = list(self.rows)
-        levels = [(rates[:0], _NO_RATES), (rates[:1], np.array((most,)))]
-        for each in self.following:
-            spread = weight * each.spread / math.sqrt(len(each.rates))  # a cube
-            low = [-spread] * len(each.rates)
-            low[0] = min(each.length - spread, least * each.length if each.is_asked else 0.0)
-            if weight:
-                low[0] = max(low[0], -each.away)
-            if stuck:
-                low[0] = min(low[0], -_CREEP[1] * stuck * each.spread)
-            high = [spread] * len(each.rates)
-            high[0] += each.length
-            rows.append((each.rates, np.array(low), np.array(high)))
-            count = len(low) if weight else 1
-            levels.append((each.rates[:count], np.array((each.length, 0.0, 0.0))[:count]))
-        count = len(rates) - 1
-        slope = math.tan(_tolerance(yielding.sliding)) / math.sqrt(max(count, 1))
-        along = slope * rates[0]
-        cone = np.concatenate((rates[:1], rates[1:] - along, -rates[1:] - along))  # a pyramid
-        creep = _CREEP[0] * stuck * self.leading.length
-        low = [least * self.leading.length - creep, *(-np.inf,) * (2 * count)]
-        rows.append((cone, np.array(low), np.array((most, *(creep,) * (2 * count)))))
-        levels += [(rates[1:], np.zeros(count)), *self.tasks]
-        return solve_constrained(self.dq_free, self.W, levels, self.box, rows, active_set)
+def _searched(
+    leading: Component, following: Sequence[Component], yielding: Yielding, least: float
+) -> tuple[Rows, Level, list[int], list[int]]:
+    """Rows and levels, where no component that is asked for has less than a factor; how many rows
+    each group has, and each level.
+    """
+    weight = yielding.weight
+    stuck = weight * yielding.sliding
+    rates = leading.rates
+    most = _speed(yielding.sliding) * leading.length
+    C = []
+    low = []
+    high = []
+    A = [rates[:1]]
+    a = [most]
+    sizes = [0, 1]
+    for each in following:
+        size = len(each.rates)
+        spread = weight * each.spread / math.sqrt(size)  # a cube
+        lowest = min(each.length - spread, least * each.length if each.is_asked else 0.0)
+        if weight:
+            lowest = max(lowest, -each.away)
+        if stuck:
+            lowest = min(lowest, -_CREEP[1] * stuck * each.spread)
+        C.append(each.rates)
+        low += [lowest, *(-spread,) * (size - 1)]
+        high += [each.length + spread, *(spread,) * (size - 1)]
+        sizes.append(size if weight else 1)
+        A.append(each.rates[: sizes[-1]])
+        a += [each.length, *(0.0,) * (sizes[-1] - 1)]
+    groups = [*map(len, C), 2 * len(rates) - 1]
+    across = rates[1:]
+    count = len(across)
+    along = math.tan(_tolerance(yielding.sliding)) / math.sqrt(max(count, 1)) * rates[0]
+    C += [rates[:1], across - along, -across - along]  # a pyramid
+    creep = _CREEP[0] * stuck * leading.length
+    low += [least * leading.length - creep, *(-np.inf,) * (2 * count)]
+    high += [most, *(creep,) * (2 * count)]
+    level = np.concatenate((*A, across)), np.array((*a, *(0.0,) * count))
+    return (np.concatenate(C), np.array(low), np.array(high)), level, groups, [*sizes, count]
 
 
 def _tolerance(sliding: float) -> float:

@@ -74,7 +74,7 @@ class Bounds:
         problem = dq, W, levels, self.box, self.rows
         if components:
             split = split_components(levels[0], components, self.state.tick.correction, scale)
-            how = self._steady_box(), self.state.dq_prev, limits.yielding
+            how = self._steady_box, self.state.dq_prev, limits.yielding
             solved, steady, executed = solve_components(*problem, limits.active_sets, split, *how)
             limits.yielding = limits.yielding.after(steady, executed, self.T)
         else:
@@ -160,7 +160,7 @@ class Limits:
             if isinstance(limit, JerkLimit):
                 self.jerk = self._joints['J'].copy()
         self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
-        self.active_sets = np.zeros((3, model.n + 1), np.int64)  # of its searches
+        self.active_sets = np.zeros((2, model.n + 1), np.int64)  # of its searches
         self.yielding = Yielding()  # of components, after the last tick
 
     def __iter__(self) -> Iterator[Limit]:
