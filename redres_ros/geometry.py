@@ -1,6 +1,7 @@
 """Paths in space: the quintic of Eq. (36), and rotations as matrices, vectors and quaternions."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +10,10 @@ from redres_ros.types import Quaternion, Rotation, RotationVector
 
 PEAK_SPEED = 15.0 / 8.0  # largest ds/dxi of the quintic
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)  # largest d2s/dxi2
+
+rotation_matrix: Callable[[RotationVector], Rotation] = pin.exp3  # about a vector by its length
+# Rz(yaw) Ry(pitch) Rx(roll) of three angles: turns about the axes of the base
+from_roll_pitch_yaw: Callable[[RotationVector], Rotation] = pin.rpy.rpyToMatrix
 
 
 def quintic(xi: float) -> tuple[float, float]:
@@ -25,19 +30,9 @@ def quintics(xi: np.ndarray) -> np.ndarray:
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0))
 
 
-def rotation_matrix(vector: RotationVector) -> Rotation:
-    """The rotation about a vector by its length."""
-    return pin.exp3(vector)
-
-
 def from_quaternion(quaternion: Quaternion) -> Rotation:
     """The rotation of a quaternion of any length but zero."""
     return pin.Quaternion(quaternion / math.hypot(*quaternion)).toRotationMatrix()  # of 1e200 too
-
-
-def from_roll_pitch_yaw(angles: RotationVector) -> Rotation:
-    """Rz(yaw) Ry(pitch) Rx(roll) of the three angles: turns about the axes of the base."""
-    return pin.rpy.rpyToMatrix(angles)
 
 
 def to_quaternion(R: Rotation) -> Quaternion:

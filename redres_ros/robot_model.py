@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.preview import Ahead
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.kinematics import Bodies
@@ -156,10 +156,6 @@ class RobotState:
         """Of a frame in the base frame; '' is the tip."""
         return self.model.pose(self.q, frame) if frame else (self.x, self.R)
 
-    def rotation(self, frame: str) -> Rotation:
-        """Of a frame in the base frame; '' is the tip."""
-        return self.model.pose(self.q, frame)[1] if frame else self.R
-
     def jacobian(self, frame: str) -> Jacobian:
         """Of a frame, (6, n), rows as in `J`; '' is the tip."""
         return self.model.jacobian(self.q, frame) if frame else self.J
@@ -216,11 +212,6 @@ class RobotModel:
     def bodies(self) -> Bodies:
         """The capsules that must not collide, read from the URDF."""
         return Bodies.along(self.kinematics, self.arm.body_radius)
-
-    @cached_property
-    def chain(self) -> tuple[np.ndarray, ...]:
-        """From the base to the tip, as kernels/look_ahead.py takes it."""
-        return self.kinematics.chain
 
     @cached_property
     def inner_range(self) -> tuple[JointPositions, JointPositions]:
@@ -298,19 +289,6 @@ class RobotModel:
     def jacobian(self, q: JointPositions, frame: str) -> Jacobian:
         """Of a link in the base frame, (6, n): the linear rows, then the angular ones."""
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
-
-    def check_reach(self, x: Position) -> None:
-        """Raise RangeError for a point that is farther from the first joint than all links in one
-        line, with linear joints at their longest.
-        """
-        length = self.reach
-        for index in self.kinematics.leading:
-            if self.kinematics.joints[index].is_prismatic:
-                length += float(max(abs(self.q_min[index]), abs(self.q_max[index])))
-        first = self.kinematics.joints[self.kinematics.leading[0]]
-        distance = float(np.linalg.norm(x - first.before[:3, 3]))
-        if not distance <= length:
-            raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
     def _jacobian(self, q: JointPositions, frame: int) -> Jacobian:
         return pin.computeFrameJacobian(self._model, self._data, q, frame, _ALIGNED)  # a copy

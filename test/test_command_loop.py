@@ -410,7 +410,7 @@ def test_of_two_responses_in_one_cycle_of_a_robot_that_holds_the_first_does_not_
     before = robot.q
     robot.ask()
     base = robot.q if first_counts else before
-    robot.following.note_sent(robot.now + held_up * T)
+    robot.following.sent = robot.now + held_up * T
     response = robot.ask()
     assert response is not None
     np.testing.assert_allclose(response.command.q_ref, base + T * response.command.dq, atol=1e-15)

@@ -129,7 +129,7 @@ def follow(interpolator: ReferenceInterpolator, positions: np.ndarray) -> np.nda
 def brake(interpolator: ReferenceInterpolator) -> np.ndarray:
     """References (N, 7) from the one in force until the interpolator is at rest."""
     references = [interpolator.reference]
-    while not interpolator.at_rest:
+    while interpolator.step.any():
         interpolator.brake()
         references.append(interpolator.reference)
         assert len(references) < 1000

@@ -161,7 +161,7 @@ class World:
         if response is None:
             return
         self.judge.enter_reference(stamp, response.command.q_ref)
-        self.loop.note_sent(self._now())
+        self.loop.sent = self._now()
         self.robot.newest = response.command.q_ref
 
     def _enter_twist(self, twist: Twist) -> None:

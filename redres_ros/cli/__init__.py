@@ -81,10 +81,10 @@ def _run_command(given: list[str]) -> int:
     if others:
         parser.prog = f'redres {options.command}'
         parser.error(_refusal(others))
-    if options.plugin:
-        from redres_ros.files.plugins import load_plugins
+    for plugin in options.plugin or ():
+        from redres_ros.files.plugins import load_plugin
 
-        load_plugins(options.plugin)
+        load_plugin(plugin)
     status: int = options.run(options)
     return status
 

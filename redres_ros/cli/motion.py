@@ -25,7 +25,7 @@ _LISTS = ('limits', 'preferences', 'secondary_tasks')
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
-class NamedMotion(NamedTuple):
+class _NamedMotion(NamedTuple):
     """A task with its arm, and a case: all that the controller takes, by names and gains."""
 
     name: str  # of the task, as the command line or the table of arms has it; empty: a square
@@ -52,7 +52,7 @@ class NamedMotion(NamedTuple):
         return make_controller(self.case, self.model, pose=pose, switch_time=switch_time)
 
 
-def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> NamedMotion:
+def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotion:
     """The motion under the first of some laws, where the others are in use, too; the paper's if
     neither a task nor a robot is named.
 
@@ -67,7 +67,7 @@ def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> NamedMotion
     task = replace(given or task_for(arm, robot), robot=robot)
     if options.robot or options.tip:
         _check_start(task, model)
-    return NamedMotion(name or arm.task, task, model, _find_case(options, laws))
+    return _NamedMotion(name or arm.task, task, model, _find_case(options, laws))
 
 
 def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
@@ -103,7 +103,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
     return replace(case, gains=gains)
 
 
-def node_parameters(motion: NamedMotion) -> dict[str, Any]:
+def node_parameters(motion: _NamedMotion) -> dict[str, Any]:
     """The parameters of the nodes; raises OptionError for a target that is open by default: ROS has
     no parameters for such ones.
     """

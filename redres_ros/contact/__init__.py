@@ -117,7 +117,7 @@ class AdmittanceSettings:
         """Of the frame of the directions."""
         if self.frame == BASE:
             return np.eye(3)
-        return state.rotation('' if self.frame == TIP else self.frame)
+        return state.pose('' if self.frame == TIP else self.frame)[1]
 
 
 class ContactError(RedresError):

@@ -1,5 +1,6 @@
 """The messages of a demo's nodes by the stamps of the robot's states, and its motion."""
 
+import struct
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -17,13 +18,8 @@ from redres_ros.geometry import from_quaternion
 from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
-from redres_ros.nodes.conversions import (
-    JointMapper,
-    deserialised,
-    stacked,
-    stamp_of,
-    to_nanoseconds,
-)
+from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.nodes.conversions import JointMapper, deserialised, stacked, to_nanoseconds
 from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Reference
 from redres_ros.planning.task_executor import UNDER_WAY, TaskState
@@ -73,6 +69,7 @@ _UNSTAMPED: dict[str, tuple[type, str]] = {
 _DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = (TASK_BEGUN, TASK_STATE, REASON, SESSION)
 _DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STAMP = struct.Struct('<4xiI')  # of a message with a header, after that of its encoding
 _MOVING = [state.value for state in UNDER_WAY]
 
 
@@ -120,7 +117,8 @@ class Log:
             self.began = to_nanoseconds(deserialised(sample.data, Time))
             self._began_at = sample.sent
         elif topic in _STAMPED:
-            stamp = stamp_of(sample.data)
+            seconds, nanoseconds = _STAMP.unpack_from(sample.data)
+            stamp = seconds * NANOSECONDS + nanoseconds
             if topic == STATES:
                 self.newest = stamp
             self.sent[topic].setdefault(stamp, sample.sent)  # a robot that waits repeats a state

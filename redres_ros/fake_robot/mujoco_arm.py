@@ -8,7 +8,7 @@ import numpy as np
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, reason_of
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
-from redres_ros.types import InertiaMatrix, JointPositions
+from redres_ros.types import InertiaMatrix
 
 PLANT_STEP = 0.0005  # [s] of the simulation; the cycle is a whole multiple of it
 _SAMPLES = 200  # random positions from which the largest inertia is estimated
@@ -128,12 +128,6 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
         raise FileError(f'MuJoCo cannot use {arm.source}: {reason_of(error)}') from None
 
 
-def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[JointPositions, JointPositions]:
-    """Lower and upper position limits, -unlimited and unlimited of a joint without."""
-    lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
-    return lower, upper
-
-
 def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> InertiaMatrix:
     """M(q) with rotors, after mj_fwdPosition."""
     M = np.zeros((model.nv, model.nv))
@@ -194,7 +188,7 @@ def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
     """
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
-    limits = joint_range(model, np.pi)
+    limits = np.where(model.jnt_limited[:, None], model.jnt_range, (-np.pi, np.pi)).T
     bound = np.zeros(model.nv)
     for _ in range(_SAMPLES):
         data.qpos[:] = random.uniform(*limits)

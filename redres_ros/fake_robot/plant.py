@@ -10,7 +10,6 @@ from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.mujoco_arm import (
     PLANT_STEP,
     EnvironmentSettings,
-    joint_range,
     servo_model,
 )
 from redres_ros.robots import Arm
@@ -88,10 +87,10 @@ class MujocoPlant:
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self.links = tuple(self._model.body(body).name for body in range(1, self._model.nbody))
         self.q = finite_vector(q0, self._model.nq, 'start')
-        lower, upper = joint_range(self._model, np.inf)
-        for name, value, least, most in zip(self.joint_names, self.q, lower, upper, strict=True):
-            if not least <= value <= most:
-                raise RangeError(name, value, least, most, 'rad')
+        for joint, value in enumerate(self.q):
+            lower, upper = self._model.jnt_range[joint]
+            if self._model.jnt_limited[joint] and not lower <= value <= upper:
+                raise RangeError(self.joint_names[joint], value, lower, upper, 'rad')
         self.dq = np.zeros_like(self.q)
         self._reference = self.q  # (n,) [rad] at the end of the last cycle
         self._velocity = self.dq  # (n,) [rad/s] of the reference in the last cycle

@@ -78,7 +78,7 @@ class FakeRobot:
     @property
     def at_rest(self) -> bool:
         """Whether the reference stands still."""
-        return self._interpolator.at_rest
+        return not self._interpolator.step.any()
 
     def advance(self, *commands: ClientCommand) -> None:
         """Move from tick k to k + 1, by the commands that came since, in the order of their ticks.
@@ -138,12 +138,8 @@ class ReferenceInterpolator:
         # velocities alone
         self._max_change = np.minimum(limits.acceleration * period**2, 2.0 * self._max_step)
         self.reference = np.array(q, dtype=np.float64)  # (n,), replaced in each cycle
-        self._step = np.zeros_like(self.reference)  # (n,) last move of the reference
+        self.step = np.zeros_like(self.reference)  # (n,) last move of the reference
         self.begin(self.reference)
-
-    @property
-    def at_rest(self) -> bool:
-        return not self._step.any()
 
     def begin(self, command: JointPositions) -> None:
         """Follow constant commands; the distance to them is a lag."""
@@ -160,13 +156,13 @@ class ReferenceInterpolator:
         desired = np.copysign(speed, lag)
         closing = self._closing + np.clip(desired - self._closing, -change, change)
         self._move(command - (lag - closing))
-        self._closing = self._step - (command - self.command)
+        self._closing = self.step - (command - self.command)
         self.command = command
 
     def brake(self) -> None:
         """Decelerate to rest, each joint as fast as its acceleration limit allows."""
-        change = np.clip(self._step, -self._max_change, self._max_change)
-        self._move(self.reference + (self._step - change))
+        change = np.clip(self.step, -self._max_change, self._max_change)
+        self._move(self.reference + (self.step - change))
 
     def _move(self, target: JointPositions) -> None:
         """Go to the target or as near as the limits allow; an arm beyond a position limit can only
@@ -177,4 +173,4 @@ class ReferenceInterpolator:
         upper = np.minimum(np.maximum(limits.upper, last), last + self._max_step)
         lower = np.maximum(np.minimum(limits.lower, last), last - self._max_step)
         self.reference = np.maximum(lower, np.minimum(target, upper))
-        self._step = self.reference - last
+        self.step = self.reference - last

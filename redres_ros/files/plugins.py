@@ -7,7 +7,6 @@ import inspect
 import re
 import sys
 import warnings
-from collections.abc import Iterable
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -27,12 +26,6 @@ class PluginError(RedresError):
 def register(base: type, table: dict[str, type]) -> None:
     """Let plugins add subclasses of a base class to a table."""
     _tables[base] = table
-
-
-def load_plugins(paths: Iterable[str | Path]) -> None:
-    """Add what the files define to the tables. Raises PluginError."""
-    for path in paths:
-        load_plugin(path)
 
 
 def load_plugin(path: str | Path) -> tuple[str, ...]:

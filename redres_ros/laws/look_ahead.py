@@ -20,7 +20,7 @@ from redres_ros.types import JointVelocities, Seconds
 _NODES = {3: 7, 6: 12}  # of the plan, after the end of the first step, by rows of the task
 
 
-class MotionPlan(NamedTuple):
+class _MotionPlan(NamedTuple):
     """The motion that the last tick planned; the next one continues it."""
 
     nodes: np.ndarray  # (K, n) [rad]
@@ -31,13 +31,13 @@ class MotionPlan(NamedTuple):
     horizon: Seconds
 
 
-_NO_PLAN = MotionPlan(np.empty((0, 0)), *2 * (np.empty((0, 0, 0)),), 3.0, 0.0, 0.0)
+_NO_PLAN = _MotionPlan(np.empty((0, 0)), *2 * (np.empty((0, 0, 0)),), 3.0, 0.0, 0.0)
 _NO_EFFORT = np.empty((0, 0, 0)), np.empty((0, 0))  # R = I, r = 0
 
 
 def look_ahead(
     state: RobotState, ahead: Ahead, T: Seconds, horizon: Seconds, damping: float, *, effort: bool
-) -> tuple[Weight, JointVelocities, MotionPlan] | None:
+) -> tuple[Weight, JointVelocities, _MotionPlan] | None:
     """W, b and the plan behind them; None for a path that begins elsewhere than at the tip.
 
     Args:
@@ -61,13 +61,13 @@ def look_ahead(
     # as much as one more step, that is free, would still cost
     settings = T, h, damping / (1.0 + damping * h)
     trust, merit = plan_motion(
-        *(state.q, state.dq_prev, *settings, *model.inner_range, *model.chain),
+        *(state.q, state.dq_prev, *settings, *model.inner_range, *model.kinematics.chain),
         *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5]),
         *(R, r, nodes, L, Y, W, b),
     )
     if not trust > 0.0:
         return None
-    return W, b, MotionPlan(nodes, L, Y, trust, merit, horizon)
+    return W, b, _MotionPlan(nodes, L, Y, trust, merit, horizon)
 
 
 def _effort(

@@ -85,7 +85,7 @@ class Yielding(NamedTuple):
         return Yielding(waited, min(max(weight, 0.0), 1.0), min(max(sliding, 0.0), 1.0))
 
 
-class Component(NamedTuple):
+class _Component(NamedTuple):
     """The rows of one component."""
 
     rates: Jacobian  # of the tip along its velocity, and in the directions across it
@@ -106,7 +106,7 @@ def split_components(
     sizes: Sequence[int],
     correction: Correction | None,
     scale: np.ndarray | None = None,
-) -> list[Component]:
+) -> list[_Component]:
     """The components of a task, of so many rows, which are scaled."""
     noise = _NOTHING * math.sqrt(task[1].dot(task[1]))
     components = []
@@ -125,7 +125,7 @@ def split_components(
         rates = np.empty(J.shape)
         length = fill_rates(J, velocity, rates)
         is_asked = not is_held and length > noise
-        components.append(Component(rates, length, is_asked, spread, away))
+        components.append(_Component(rates, length, is_asked, spread, away))
         begin += size
     return components
 
@@ -137,7 +137,7 @@ def solve_components(
     box: Box,
     rows: Sequence[Rows],
     active_sets: np.ndarray,
-    components: Sequence[Component],
+    components: Sequence[_Component],
     steady_box: Callable[[], Box],
     dq_prev: JointVelocities,
     yielding: Yielding,
@@ -176,7 +176,7 @@ def solve_components(
 
 
 def _searched(
-    leading: Component, following: Sequence[Component], yielding: Yielding, least: float
+    leading: _Component, following: Sequence[_Component], yielding: Yielding, least: float
 ) -> tuple[Rows, Level, list[int], list[int]]:
     """Rows and levels, where no component that is asked for has less than a factor; how many rows
     each group has, and each level.

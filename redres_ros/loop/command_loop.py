@@ -96,11 +96,12 @@ class CommandLoop:
         self._held = False  # by request
         self._is_connected = True
         self._session = ''  # of the robot; one without takes commands
-        self._preview: tuple[Nanoseconds, Preview] | None = None  # from which stamp on
+        # The path to come, from the state of a stamp on; the newest one counts.
+        self.preview: tuple[Nanoseconds, Preview] | None = None
         self._newest: _State | None = None  # that was believed
         self._waiting: _State | None = None  # that has no response yet
         self.newest_response: Response | None = None
-        self._sent = -math.inf  # when that was on its way [s]
+        self.sent = -math.inf  # when that was on its way, as its sender notes [s]
         self._together = min(_TOGETHER, _TOGETHER_FRACTION * controller.T)  # [s]
         self._before: Published | None = None  # what its command continued from
         self._silence = ''  # after which the arm started again from the last state
@@ -158,7 +159,7 @@ class CommandLoop:
         self._newest = None
         self._waiting = None
         self._held = False
-        self._preview = None
+        self.preview = None
         self._cycles.restart()
         self._begin_anew(None)
 
@@ -254,14 +255,6 @@ class CommandLoop:
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
 
-    def enter_preview(self, stamp: Nanoseconds, preview: Preview) -> None:
-        """The path to come, from the state of a stamp on; the newest one counts."""
-        self._preview = stamp, preview
-
-    def note_sent(self, now: Seconds) -> None:
-        """The newest response is on its way."""
-        self._sent = now
-
     def enter_velocity(
         self,
         stamp: Nanoseconds,
@@ -311,7 +304,7 @@ class CommandLoop:
         """What was missed, what is asked for, the mode that follows, and its command."""
         controller = self._controller
         self._silence = ''
-        is_together = state.arrived - self._sent < self._together
+        is_together = state.arrived - self.sent < self._together
         if is_together and self._holds and self.mode in MOVING_MODES:
             controller.published = self._before
         last = self.newest_response
@@ -490,8 +483,8 @@ class CommandLoop:
             is_yielding = measurements.yields and is_of_task
             is_steered = is_of_task and not self.input.is_of_state
             leads = is_of_task and not (is_steered or is_yielding) and largest(dx) > _ROUNDING
-            if self._preview and controller.horizon and leads:  # a planner that does not wait
-                begin, path = self._preview
+            if self.preview and controller.horizon and leads:  # a planner that does not wait
+                begin, path = self.preview
                 ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
             scaling = self.input.settings.scaling
             if scaling == AUTO:

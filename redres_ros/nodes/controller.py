@@ -17,7 +17,7 @@ from redres_ros.command import ROBOT_INTERFACES
 from redres_ros.contact import AdmittanceSettings, ContactControl
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
-from redres_ros.files.plugins import load_plugins
+from redres_ros.files.plugins import load_plugin
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import MOVING_MODES, Mode
@@ -92,7 +92,8 @@ class ControllerNode(ManagedNode):
         super().__init__('controller')
         robot, arm = declare_robot(self)
         settings = declare(self, _ControllerParameters())
-        load_plugins(named(settings.plugins))
+        for plugin in named(settings.plugins):
+            load_plugin(plugin)
         model = RobotModel(arm)
         T = 1.0 / settings.rate
         self._policy = PolicyParameters(self, model, settings.task_space, T)
@@ -185,7 +186,7 @@ class ControllerNode(ManagedNode):
     def _on_preview(self, message: Path) -> None:
         with self._diagnostics.judging(topics.PREVIEW):
             preview = from_path(message, self._base_frames, self._rows == _POSE)
-            self._loop.enter_preview(to_nanoseconds(message.header.stamp), preview)
+            self._loop.preview = to_nanoseconds(message.header.stamp), preview
 
     def _respond_if_due(self) -> None:
         self._respond('joint_states', self._loop.respond_if_due, time.monotonic())
@@ -200,7 +201,7 @@ class ControllerNode(ManagedNode):
             self._diagnostics.refuse(source, error)
             return
         # it goes out before its first command
-        if self._loop.mode.value != self._words.get(topics.MODE):
+        if self._loop.mode.value != self._words.published.get(topics.MODE):
             self._report()
         if response is not None:
             # The planner is to know of another scaling before the state after this one.
@@ -210,7 +211,7 @@ class ControllerNode(ManagedNode):
             self._command_publisher.publish(message)
             if self._forwarding:
                 self._forwarding.publish(command.q_ref)
-            self._loop.note_sent(time.monotonic())
+            self._loop.sent = time.monotonic()
             self._telemetry.publish(response, self._controller.policy)
         self._diagnostics.accept(source)
         if self._loop.warning:

@@ -1,7 +1,6 @@
 """Messages to arrays and back."""
 
 import math
-import struct
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
@@ -28,7 +27,6 @@ from redres_ros.types import (
 )
 
 _UNTURNED = np.eye(3)
-_STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
 
 
 class EncodingError(RedresError):
@@ -74,12 +72,6 @@ def deserialised(data: bytes, kind: Any) -> Any:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)
         raise EncodingError(f'{len(data)} bytes that are not a {kind.__name__}: {error}') from None
-
-
-def stamp_of(data: bytes) -> Nanoseconds:
-    """Stamp of a serialised message that has a header."""
-    seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds * NANOSECONDS + nanoseconds)
 
 
 def to_nanoseconds(stamp: Time) -> Nanoseconds:

@@ -59,12 +59,13 @@ def show_obstacles(
     """Have a node publish what its limits keep away from, or other shapes by its parameters; their
     figures are in the frame, and the namespace is that of the markers.
     """
-
-    def markers() -> list[Marker]:
-        found = shapes(lambda name: node.get_parameter(name).value)
-        return [_to_marker(shape, namespace, number) for number, shape in enumerate(found)]
-
-    _show(node, frame, _SHAPES_EVERY, markers)
+    found = partial(shapes, lambda name: node.get_parameter(name).value)
+    _show(
+        node,
+        frame,
+        _SHAPES_EVERY,
+        lambda: [_to_marker(shape, namespace, k) for k, shape in enumerate(found())],
+    )
 
 
 def _show(node: Node, frame: str, period: Seconds, make: Callable[[], list[Marker]]) -> None:

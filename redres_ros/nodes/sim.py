@@ -186,7 +186,7 @@ class SimNode(ManagedNode):
         elif refused is not self._reported_refusal:
             self._diagnostics.refuse('joint_command', refused)
         self._reported_refusal = refused
-        if session.reason and session.reason != self._words.get(REASON):
+        if session.reason and session.reason != self._words.published.get(REASON):
             self.get_logger().error(session.reason)
         self._words.publish(
             {REASON: session.reason, SESSION: session.state, QUALITY: session.quality}

@@ -86,15 +86,11 @@ class LatchedWords:
         self._publishers = {
             topic: node.create_publisher(String, topic, LATCHED) for topic in topics
         }
-        self._published: dict[str, str] = {}
-
-    def get(self, topic: str) -> str:
-        """What was published last on a topic; empty before anything was."""
-        return self._published.get(topic, '')
+        self.published: dict[str, str] = {}  # the last ones, by topic
 
     def publish(self, words: Mapping[str, str]) -> None:
         """Publish the words that have changed, by their topics."""
         for topic, publisher in self._publishers.items():
-            if self._published.get(topic) != words[topic]:
-                self._published[topic] = words[topic]
+            if self.published.get(topic) != words[topic]:
+                self.published[topic] = words[topic]
                 publisher.publish(String(data=words[topic]))

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RangeError, RedresError
 from redres_ros.geometry import PEAK_SPEED
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.cycle_counter import CycleCounter
@@ -104,7 +104,7 @@ class Goals:
         """The tip in a straight line to a pose, with the joints at q now. Raises RangeError for a
         pose out of reach, or so far away that it would take hours.
         """
-        self._model.check_reach(x)
+        _check_reach(self._model, x)
         R_end = R if self._turns else None
         self._straight_line(x, R_end, *self._model.tip(q))
         return Goal(
@@ -144,6 +144,21 @@ class Goals:
             source = TargetFollower(self._task, x, start, dx, t, speed=speed)
         source.set_target(x_end, R_end)
         return source
+
+
+def _check_reach(model: RobotModel, x: Position) -> None:
+    """Refuse a point that is farther from the first joint than all links in one line, with linear
+    joints at their longest. Raises RangeError.
+    """
+    length = model.reach
+    kinematics = model.kinematics
+    for index in kinematics.leading:
+        if kinematics.joints[index].is_prismatic:
+            length += float(max(abs(model.q_min[index]), abs(model.q_max[index])))
+    first = kinematics.joints[kinematics.leading[0]]
+    distance = float(np.linalg.norm(x - first.before[:3, 3]))
+    if not distance <= length:
+        raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 
 
 def check_age(stamp: Nanoseconds, cycles: CycleCounter, time_of_day: Nanoseconds) -> None:

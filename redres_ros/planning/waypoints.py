@@ -26,7 +26,7 @@ _MOST_DEGREES = 36000.0
 _METRES = ' m'  # ends the position of a linear joint
 
 
-class TaskEvent(NamedTuple):
+class _TaskEvent(NamedTuple):
     """A change of a node's parameters while a demo runs a task, so long after the task began."""
 
     at: Seconds
@@ -58,7 +58,7 @@ class WaypointTask:
     )
     switching: str = param('at_rest', 'when the next segment begins', choices=_SWITCHING)
     nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    events: tuple[TaskEvent, ...] = ()
+    events: tuple[_TaskEvent, ...] = ()
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -215,12 +215,12 @@ def _nodes(value: Any) -> dict[str, dict[str, Any]]:
     return {name: _parameters(name, own) for name, own in dict(value).items()}
 
 
-def _events(value: Any) -> tuple[TaskEvent, ...]:
+def _events(value: Any) -> tuple[_TaskEvent, ...]:
     events = []
     for given in map(dict, value):
         at = _number(given.pop('at', None))
         node = given.pop('node', None)
-        events.append(TaskEvent(at, node, _parameters(node, given)))
+        events.append(_TaskEvent(at, node, _parameters(node, given)))
     return tuple(events)
 
 

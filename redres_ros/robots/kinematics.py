@@ -4,6 +4,7 @@ RobotModel is for use in a loop.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ _SHORTEST = 0.02  # [m] between joints that gets a body
 
 
 @dataclass(frozen=True)
-class MovingJoint:
+class _MovingJoint:
     """A joint that moves, and the link that it moves."""
 
     name: str
@@ -63,13 +64,13 @@ class Kinematics:
         self._tip_parent, self.tip = self.links[tip_frame]
         self.base_frame = links[0].name
 
-    def _joint(self, index: int) -> MovingJoint:
+    def _joint(self, index: int) -> _MovingJoint:
         """The joint of that index, which is one less than in Pinocchio's model."""
         model = self.model
         J = pin.computeJointJacobian(model, self._data, pin.neutral(model), index + 1)
         linear, angular = np.split(J[:, index], 2)  # in the joint's own frame
         is_prismatic = bool(linear.any())
-        return MovingJoint(
+        return _MovingJoint(
             model.names[index + 1],
             next(link for link, (joint, _) in self.links.items() if joint == index),
             model.jointPlacements[index + 1].homogeneous,
@@ -90,7 +91,7 @@ class Kinematics:
         to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]
         return np.array([*to_the_next, self.tip[:3, 3]])
 
-    @property
+    @cached_property
     def chain(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """From the base to the tip, as kernels/look_ahead.py takes it."""
         joints = [self.joints[index] for index in self.leading]

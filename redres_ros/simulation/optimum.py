@@ -39,7 +39,7 @@ def best_motion(
         motion = recording.vectors('q1')
         nodes = np.array([np.interp(times, recording['t'], q) for q in motion.T]).T.copy()
         improve_motion(
-            motion[0].copy(), X, turned, T, model.q_min, model.q_max, *model.chain, nodes
+            motion[0].copy(), X, turned, T, model.q_min, model.q_max, *model.kinematics.chain, nodes
         )
         q = np.vstack((motion[0], nodes))
         dq = np.diff(q, axis=0, prepend=q[:1]) / T

@@ -147,10 +147,10 @@ class Orientation(_TurningTask):
     )
 
     def value(self, state: RobotState) -> np.ndarray:
-        return to_quaternion(state.rotation(self.frame))
+        return to_quaternion(state.pose(self.frame)[1])
 
     def error(self, state: RobotState) -> np.ndarray:
-        return rotation_error(state.rotation(self.frame), self._desired)
+        return rotation_error(state.pose(self.frame)[1], self._desired)
 
 
 @dataclass(frozen=True)
@@ -201,11 +201,11 @@ class Axis(Task):
         _check_direction('target of axis', self.target)
 
     def jacobian(self, state: RobotState) -> Jacobian:
-        across = state.rotation(self.frame).dot(_across(self.axis))  # (3, 2) in the base frame
+        across = state.pose(self.frame)[1].dot(_across(self.axis))  # (3, 2) in the base frame
         return across.T.dot(state.jacobian(self.frame)[3:])
 
     def value(self, state: RobotState) -> np.ndarray:
-        return state.rotation(self.frame).dot(_unit(self.axis))
+        return state.pose(self.frame)[1].dot(_unit(self.axis))
 
     def error(self, state: RobotState) -> np.ndarray:
         now = self.value(state)
@@ -213,7 +213,7 @@ class Axis(Task):
         turn = np.cross(now, desired)  # sin(angle) times the axis to turn about
         sine = float(np.linalg.norm(turn))
         angle = np.arctan2(sine, now.dot(desired))
-        across = state.rotation(self.frame).dot(_across(self.axis))
+        across = state.pose(self.frame)[1].dot(_across(self.axis))
         if sine > 0.0:
             turn = turn * (angle / sine)
         elif angle > 0.0:

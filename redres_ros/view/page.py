@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from redres_ros.files.plugins import load_plugins
+from redres_ros.files.plugins import load_plugin
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
 from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
@@ -148,7 +148,8 @@ class _ViewNode(GraphMonitor):
         super().__init__('view')
         self._settings = declare(self, _ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
-        load_plugins(named(self._settings.plugins))
+        for plugin in named(self._settings.plugins):
+            load_plugin(plugin)
 
     def run(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait for the graph, and serve the page until the event is set.
