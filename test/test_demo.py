@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from nightly import NIGHTLY
 
 from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
+from redres_ros.demo.observation import Log
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
 from redres_ros.nodes.topics import TASK_STATE
@@ -212,6 +214,18 @@ def test_a_run_that_is_interrupted_before_the_nodes_publish_has_no_motion(tmp_pa
     model = RobotModel.named('lwr4_paper')
     outcome = Demo(load_task('rectangle'), model, make_law, parameters, tmp_path).outcome()
     assert 'motion' not in outcome.summary and outcome.summary['task'] == 'NOT finished'
+
+
+def test_ctrl_c_while_the_arm_settles_leaves_the_task_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Log, 'ending', lambda _: 'finished')
+    monkeypatch.setattr(Demo, '_running', Mock(side_effect=KeyboardInterrupt))
+    parameters = {'law': 'minimum_velocity', 'rate': 500.0}
+    model = RobotModel.named('lwr4_paper')
+    settling = Demo(load_task('rectangle'), model, make_law, parameters, tmp_path)
+    settling.run(Mock())
+    assert not settling.interrupted
 
 
 def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ class Demo:
     out: Path  # directory for what the nodes print
     # Parameters of the page, with which the nodes stay until Ctrl-C; None for no page
     page: Mapping[str, Any] | None = None
-    interrupted: bool = field(default=False, init=False)  # whether Ctrl-C has ended it
+    interrupted: bool = field(default=False, init=False)  # whether Ctrl-C has ended the task
 
     def __post_init__(self) -> None:
         self._T = 1.0 / self.parameters['rate']
@@ -87,7 +87,7 @@ class Demo:
                 if self._page is not None:
                     self._stay(monitor, self._page)
         except KeyboardInterrupt:
-            self.interrupted = True
+            self.interrupted = not self._log.ending()  # after that the arm was only watched
 
     @contextmanager
     def _running(self) -> Iterator[None]:
