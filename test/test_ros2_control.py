@@ -309,16 +309,16 @@ def test_an_arm_that_others_have_moved_does_not_go_back(
             now.assert_well()
 
 
-@pytest.mark.parametrize('rate', by_day(1, RATES))
+@pytest.mark.parametrize(('rate', 'later'), by_day(2, product(RATES, [0.02, 2.0])))
 def test_an_arm_that_others_move_while_its_command_moves_does_not_go_back(
-    rate: float, tmp_path: Path
+    rate: float, later: float, tmp_path: Path
 ) -> None:
     with scene(tmp_path, rate) as now:
         now.advance(0.5)
         plan(now.graph, now.robot, AIM / 3.0)
         now.advance(0.7)
         now.robot.carry(-0.08 * np.sign(ARM.start), 0.3)
-        now.advance(2.0)
+        now.advance(0.3 + later)
         now.robot.activate()
         stood = now.robot.q
         now.advance(0.5)

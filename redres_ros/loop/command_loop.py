@@ -318,8 +318,7 @@ class CommandLoop:
         if self.mode is Mode.INACTIVE:
             return None
         if self.mode is Mode.HOLDING and self._interface.forwards_commands and controller.published:
-            seconds = (missed + 1) * controller.T
-            if not self._held_reference.update(state.q, seconds):
+            if not self._held_reference.update(state.q, (missed + 1) * controller.T):
                 return None  # others have moved the arm
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()

@@ -76,15 +76,16 @@ class HeldReference:
         error = q - controller.reference - self._servo
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
-        if self._follows:
-            is_beyond = away > self._allowed or (np.abs(error) > self._largest + _SERVO).any()
-            is_moved = self._still >= _REST and is_beyond and not is_same
-            if is_moved or (np.abs(q - self._began) > self._explained).any():
-                self._follows = False
-                self._expected = np.zeros(len(q))
-                is_same = False
-        if self._still < _REST:
-            return self._follows or away <= _SERVO
+        is_still = self._still >= _REST
+        most = self._largest + (_SERVO if is_still else self._explained)
+        is_beyond = not is_same and (away > self._allowed or (np.abs(error) > most).any())
+        goes_on = (np.abs(q - self._began) > self._explained).any()
+        if self._follows and (goes_on or (is_still and is_beyond)):
+            self._follows = False
+            self._expected = np.zeros(len(q))
+            is_same = False
+        if not is_still:
+            return (self._follows and not is_beyond) or away <= _SERVO
         self._expected = np.zeros(len(q))
         if self._follows or is_same:
             self._servo = self._servo + error
