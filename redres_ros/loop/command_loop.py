@@ -317,9 +317,9 @@ class CommandLoop:
         blocked = self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
-        if self.mode is Mode.HOLDING and self._interface.forwards_commands and controller.published:
-            if not self._held_reference.update(state.q, (missed + 1) * controller.T):
-                return None  # others have moved the arm
+        rests = self.mode is Mode.HOLDING and self._interface.forwards_commands
+        if rests and controller.published and not self._held_reference.update(state.q, missed + 1):
+            return None  # others have moved the arm
         if stale and (self.mode is Mode.HOLDING or self._yields_alone):
             self.input.buffer.clear()
             dx = np.zeros(len(dx))

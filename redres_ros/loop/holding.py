@@ -10,7 +10,7 @@ from redres_ros.kernels.tick import largest
 from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION
 from redres_ros.robot_model import Correction, RobotState
 from redres_ros.tasks import Pose
-from redres_ros.types import JointPositions, JointVelocities, Seconds, TaskVelocity
+from redres_ros.types import Cycles, JointPositions, JointVelocities, TaskVelocity
 
 ARRIVED = 1e-6  # [rad] from its end, at which an approach is over
 NOTHING = 1e-3  # [m/s], [rad/s]; a velocity with less asks for nothing
@@ -66,13 +66,13 @@ class HeldReference:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
         return largest(q - self._controller.reference - self._servo) > _SERVO
 
-    def update(self, q: JointPositions, seconds: Seconds) -> bool:
-        """Whether the reference of an arm measured at q may be published."""
+    def update(self, q: JointPositions, cycles: Cycles) -> bool:
+        """Whether the reference of an arm, measured at q after so many, may be published."""
         controller = self._controller
         if largest(q - self._stood) > _STILL:
             self._stood = q
             self._still = 0.0
-        self._still += seconds
+        self._still += cycles * controller.T
         error = q - controller.reference - self._servo
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
