@@ -26,7 +26,7 @@ from redres_ros.types import (
 HOLD = 'hold'
 
 
-@dataclass(slots=True)  # made in every tick
+@dataclass(slots=True, repr=False)  # made in every tick
 class Command:
     """A solution and the position reference that it leads to. Other values are computed on request.
 
@@ -46,6 +46,12 @@ class Command:
     s = property(attrgetter('solution.s'))
     component_scaling = property(attrgetter('solution.component_scaling'))
     active_limit = property(attrgetter('solution.active_limit'))
+
+    def __repr__(self) -> str:
+        """Three lines for a person."""
+        with np.printoptions(precision=4, suppress=True, linewidth=200):
+            motion = f'dq {self.dq} rad/s\nq_ref {self.q_ref} rad'
+        return f'{motion}\ns {self.s:.4g}, limited by {self.active_limits or "nothing"}'
 
     @property
     def unachieved(self) -> TaskVelocity:

@@ -44,7 +44,7 @@ _ROBOT_INTERFACE = Parameter('the kind of robot', choices=tuple(ROBOT_INTERFACES
 _TURN = 2.0 * np.pi  # [rad]
 
 
-@dataclass(slots=True)  # made in every tick
+@dataclass(slots=True, repr=False)  # made in every tick
 class Plan(Command):
     """A command before it is published.
 

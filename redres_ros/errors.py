@@ -1,12 +1,14 @@
 """Errors of the user's input: each says in one line what was got and what is allowed."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from numbers import Real
 from typing import Any
 
 _LONGEST = 60  # characters of a value that an error quotes
 _LONGEST_LINE = 1000  # characters of a line
 _MOST_NAMES = 60  # that an error lists as allowed
+_ALIKE = 0.85  # similarity of two names; target_timeout must not count as state_timeout
 
 
 def quoted(value: Any) -> str:
@@ -51,7 +53,13 @@ class UnknownNameError(RedresError):
         shown = self.allowed[:_MOST_NAMES]
         others = len(self.allowed) - len(shown)
         more = f' and {others} others' if others else ''
-        super().__init__(f'unknown {kind} {quoted(got)}; allowed: {", ".join(shown)}{more}')
+        meant = ''.join(f' (is {name} meant?)' for name in alike(str(got), self.allowed))
+        super().__init__(f'unknown {kind} {quoted(got)}{meant}; allowed: {", ".join(shown)}{more}')
+
+
+def alike(name: str, known: Iterable[str]) -> list[str]:
+    """The known name that a misspelt one resembles most, if there is one."""
+    return get_close_matches(name, known, 1, _ALIKE)
 
 
 class RangeError(RedresError):

@@ -48,9 +48,8 @@ def test_simulate_writes_the_columns_that_users_rely_on_and_reports_the_end(
 
 @pytest.mark.parametrize('law', LAWS)
 def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
-    table = simulate(
-        short, tmp_path / 'motion.csv', '--law', law, '--damping', '20', '--period', '0.002'
-    )
+    damping = ('--damping', '20') if LAWS[law].has_memory else ()
+    table = simulate(short, tmp_path / 'motion.csv', '--law', law, '--period', '0.002', *damping)
     controller = Controller(RobotModel.named('lwr4_paper'), make_law(law, damping=20.0), 0.002)
     assert table.tobytes() == run(controller, load_task(short)).data.tobytes()
 
@@ -122,7 +121,12 @@ REFUSED = [
         "simulate --set 'axis.axis=[1, 0, 0]' --limits position,acceleration",
         '--set axis.axis acts on the task axis; in use: law minimum_acceleration, limit ',
     ),
-    ('simulate --set posture.gian=1', "unknown gain 'posture.gian'; allowed: "),
+    (
+        'simulate --set posture.gian=1',
+        "unknown gain 'posture.gian' (is posture.gain meant?); allowed: ",
+    ),
+    ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws that know the '),
+    ('simulate --law minimum_velocity --damping 5', '--damping acts on laws that know the last '),
     ('simulate --set posture.gain', '--set posture.gain; expected NAME=VALUE, such as'),
     ('simulate --set =1', '--set =1; expected NAME=VALUE'),
     ('simulate --prefer posture --set posture.gain=high', "posture.gain is 'high'; allowed: "),

@@ -363,3 +363,10 @@ def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):
     finally:
         gc.callbacks.pop()
     assert not collections
+
+
+def test_a_command_is_printed_in_three_lines():
+    model = RobotModel.named('fr3')
+    controller = Controller(model, make_law('minimum_velocity'), T)
+    command = controller.update(np.array(model.arm.start), np.array((0.1, 0.0, 0.0)))
+    assert [line.split()[0] for line in str(command).splitlines()] == ['dq', 'q_ref', 's']

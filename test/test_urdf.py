@@ -121,7 +121,7 @@ def test_joints_beyond_the_tip_are_held():
 
 
 def test_without_a_tip_the_last_links_are_listed():
-    with pytest.raises(FileError, match='there are 3 last links: left, right, tip'):
+    with pytest.raises(FileError, match='there are 3 last links; .* such as left, right, tip'):
         arm_from_urdf(urdf())
 
 
@@ -318,6 +318,19 @@ def test_the_elbow_can_be_given():
     assert arm_from_urdf(urdf(), 'tip', 'palm').elbow_frame == 'palm'
     with pytest.raises(UnknownNameError, match="unknown frame 'knee'"):
         arm_from_urdf(urdf(), 'tip', 'knee')
+
+
+def test_the_start_is_one_that_the_efforts_hold():
+    model = RobotModel(arm_from_urdf(ARMS['fr3'].urdf, 'tool0'))
+
+    def weight(start: tuple[float, ...]) -> np.ndarray:
+        return np.abs(model.state(np.array(start), np.zeros(7)).gravity)
+
+    weak = 1.1 * weight(model.arm.start) + 5.0
+    arm = arm_from_urdf(ARMS['fr3'].urdf, 'tool0', effort_limit=tuple(weak.tolist()))
+    assert (weight(arm.start) < 0.8 * weak).all()
+    arm = arm_from_urdf(ARMS['fr3'].urdf, 'tool0', effort_limit=(0.1,) * 7)
+    assert 'gravity takes ' in ' '.join(arm.remarks())
 
 
 def test_where_the_middle_of_the_ranges_is_well_conditioned_it_is_the_start():

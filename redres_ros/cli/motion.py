@@ -39,12 +39,13 @@ class _NamedMotion(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Task and arm in words."""
+        """Task, arm, period and limits in words."""
         arm = self.model.arm
         dynamics = f'{arm.dynamics} dynamics'
         if self.task.robot not in ARMS and arm.dynamics == 'identified':
             dynamics = 'dynamics of the URDF'
-        return f'{self.name or "a square before the tip"}, {self.task.robot}, {dynamics}'
+        how = f'T = {1e3 * self.case.T:g} ms, limits: {", ".join(self.case.limits) or NONE}'
+        return f'{self.name or "a square before the tip"}, {self.task.robot}, {dynamics}, {how}'
 
     def controller(self, switch_time: float = 0.0) -> Controller:
         """The controller of the case. Raises RedresError for a value that is not allowed."""
@@ -92,6 +93,14 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
         dynamics=options.dynamics,
     )
     _check_scales(case)
+    names = [name.partition('@')[0] for name in laws]
+    if all(name in LAWS and not LAWS[name].has_memory for name in names):
+        for option, value in (('prefer', preferences), ('damping', options.damping)):
+            if value not in (None, []):
+                raise OptionError(
+                    f'--{option} acts on laws that know the last velocity; in use: '
+                    f'{", ".join(names)}'
+                )
     gains = _checked_gains(case, laws)
     for name, equals, text in preferences:
         if equals:

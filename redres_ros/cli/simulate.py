@@ -110,13 +110,14 @@ def _compare(options: argparse.Namespace) -> int:
             progress,
         )
     recordings = dict(zip(motions, results, strict=True))
-    efforts = {name: Effort.of(each, motion.model) for name, each in recordings.items()}
+    efforts = {
+        name: Effort.of(each, motion.model, torque=True) for name, each in recordings.items()
+    }
     for name, path in files.items():
         recordings[name].write_csv(path)
-    title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
-    save(draw_norms(recordings, title), picture)
+    save(draw_norms(recordings, motion.title), picture)
     best = best_motion(motion.model, motion.task, results)
-    print_tables(*comparison_tables(efforts, title, best[0] if best else None))
+    print_tables(*comparison_tables(efforts, motion.title, best[0] if best else None))
     print(f'plot {picture}')
     print(f'every tick in {out}/*.csv')
     if options.limits == NONE:

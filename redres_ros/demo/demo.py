@@ -67,9 +67,10 @@ class Demo:
 
     @property
     def title(self) -> str:
-        """Law and rate."""
-        law = self.make_law(self.parameters['law'])
-        return f'{label(law)} at {self.parameters["rate"]:g} Hz'
+        """Law, rate and limits."""
+        law = label(self.make_law(self.parameters['law']))
+        limits = ', '.join(self.parameters['limits'])
+        return f'{law} at {self.parameters["rate"]:g} Hz, limits: {limits}'
 
     def run(self, progress: Callable[[float], None]) -> None:
         """Run from the start of the processes to their end; Ctrl-C ends it early. `progress` is

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,7 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, alike
 from redres_ros.loop.cycle_counter import RATES
 from redres_ros.parameter import Parameter, check_value, param, parameters
 
@@ -28,7 +27,6 @@ P = TypeVar('P', bound='DataclassInstance')
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
-_ALIKE = 0.85  # similarity of two names; target_timeout must not count as state_timeout
 
 # Parameters of earlier versions, by what to write instead.
 _GONE = Path(__file__).with_name('gone_parameters.yaml')
@@ -136,7 +134,7 @@ def warn_of_misspelt(nodes: Sequence[Node]) -> None:
     meant = [
         f'{name} (is {nearest} meant?)'
         for name in sorted(given - known)
-        for nearest in get_close_matches(name, known, 1, _ALIKE)
+        for nearest in alike(name, known)
     ]
     if meant:
         nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')

@@ -5,21 +5,25 @@ from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros.errors import FileError
 from redres_ros.geometry import PEAK_ACCELERATION, PEAK_SPEED
 from redres_ros.robots.arm import Arm
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.robots.urdf import Urdf
+from redres_ros.robots.urdf import Urdf, tree_to
 from redres_ros.types import JointAccelerations, JointPositions, Points, Seconds
 
 _FEWEST_JOINTS = 3  # as a position has three coordinates
+_JOINTS_OF_AN_ARM = 7  # which lead to a likely tip
+_MOST_TIPS = 8  # that an error names
 _REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
 _PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
 
 _BENT_JOINTS = 3  # at most, of a start
 _BEND = 1.0  # [rad] or [m], from the middle of such a joint's range; at most half-way to its end
 _GOOD_ENOUGH = 0.4  # of the best conditioning found
+_HOLDING = 0.8  # of the efforts, that gravity may take at the start
 
 _LARGEST = 0.1  # [m], side of the square
 _PLANES = ((1, 2), (0, 2), (0, 1))  # before the arm, beside it, lying: axes of the two sides
@@ -77,11 +81,14 @@ def arm_from_urdf(
             f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 '
             '(m/s^2 of a linear joint)'
         )
+    start, load = _start(kinematics)
+    if load > 1.0:
+        assumptions.append(f"at the start gravity takes {load:.0%} of a joint's effort")
     return replace(
         arm,
         elbow_frame=elbow_frame,
         acceleration_limit=acceleration_limit,
-        start=tuple(_start(kinematics).tolist()),
+        start=tuple(start.tolist()),
         assumptions=tuple(assumptions),
     )
 
@@ -89,14 +96,21 @@ def arm_from_urdf(
 def _last_link(arm: Arm) -> str:
     """The link at the end of an arm without branches."""
     urdf = Urdf.parsed(str(arm.urdf), arm.source)
-    parents = {joint.parent for joint in urdf.joints}
+    parents = [joint.parent for joint in urdf.joints]
     ends = [link for link in urdf.links if link not in parents]
-    if len(ends) != 1:
-        raise urdf.error(
-            f'there are {len(ends)} last links: {", ".join(ends) or "the joints form a circle"}; '
-            'choose the tip with --tip FRAME or the parameter tip_frame'
-        )
-    return ends[0]
+    if len(ends) == 1:
+        return ends[0]
+    hands = [link for link in urdf.links if parents.count(link) > 1]  # fingers begin there
+
+    def _unlikeness(link: str) -> int:
+        moving = [joint for joint in tree_to(urdf, [link]) if joint.type != 'fixed']
+        return abs(len(moving) - _JOINTS_OF_AN_ARM)
+
+    likely = sorted((*ends, *hands), key=_unlikeness)[:_MOST_TIPS]
+    raise urdf.error(
+        f'there are {len(ends)} last links; choose the tip with --tip FRAME or the parameter '
+        f'tip_frame{", such as " if likely else "; the joints form a circle"}{", ".join(likely)}'
+    )
 
 
 def _middle_joint(kinematics: Kinematics) -> str:
@@ -106,12 +120,13 @@ def _middle_joint(kinematics: Kinematics) -> str:
     return kinematics.joints[kinematics.leading[int(np.argmin(from_middle))]].link
 
 
-def _start(kinematics: Kinematics) -> JointPositions:
-    """A posture to begin with: the middle of the ranges, if that will do.
+def _start(kinematics: Kinematics) -> tuple[JointPositions, float]:
+    """A posture to begin with: the middle of the ranges, if that will do; and the largest fraction
+    of a joint's effort that gravity takes there.
 
     There many an arm is stretched out, which is singular. Then as few joints as possible are bent,
-    up to three, for a conditioning that is good enough. Of several such postures it is the one with
-    the tip farthest in front and above (x + z).
+    up to three, for a conditioning that is good enough, and for torques that hold the arm. Of
+    several such postures it is the one with the tip farthest in front and above (x + z).
     """
     middle = (kinematics.lower + kinematics.upper) / 2.0
     bend = np.minimum((kinematics.upper - kinematics.lower) / 4.0, _BEND)
@@ -123,8 +138,13 @@ def _start(kinematics: Kinematics) -> JointPositions:
     tips, jacobians = map(np.array, zip(*map(kinematics.tip_at, postures), strict=True))
     conditioning = _conditioning(kinematics, jacobians)
     is_poor = conditioning < _GOOD_ENOUGH * conditioning.max()
-    order = np.lexsort((-tips[:, 0] - tips[:, 2], np.count_nonzero(bends, axis=1), is_poor))
-    return postures[order[0]]
+    model = kinematics.model
+    data = model.createData()
+    weight = np.array([pin.computeGeneralizedGravity(model, data, q) for q in postures])
+    load = (np.abs(weight) / model.effortLimit).max(axis=1)
+    bent = np.count_nonzero(bends, axis=1)
+    best = np.lexsort((-tips[:, 0] - tips[:, 2], bent, is_poor, load > _HOLDING))[0]
+    return postures[best], float(load[best])
 
 
 def _conditioning(kinematics: Kinematics, jacobians: np.ndarray) -> np.ndarray:

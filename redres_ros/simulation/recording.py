@@ -120,8 +120,10 @@ class Effort:
     ending: str  # how the motion ended, in words
 
     @classmethod
-    def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
-        """The effort of a motion of at least one tick, which began at rest."""
+    def of(cls, recording: Recording, model: RobotModel, *, torque: bool = False) -> 'Effort':
+        """The effort of a motion of at least one tick, which began at rest; with `torque` a torque
+        beyond its limit counts as a violation, too.
+        """
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
@@ -135,14 +137,15 @@ class Effort:
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
             kinetic_energy=T * energy,
             elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),
-            violation=_first_violation(recording, JointLimits.of(model.arm)),
+            violation=_first_violation(recording, model, torque),
             finished=recording.finished,
             ending=recording.ending,
         )
 
 
-def _first_violation(recording: Recording, limits: JointLimits) -> str:
+def _first_violation(recording: Recording, model: RobotModel, with_torque: bool) -> str:
     """The first joint beyond one of its limits, how and when; empty if all are kept."""
+    limits = JointLimits.of(model.arm)
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
     ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # from rest, Eq. (13)
@@ -153,6 +156,10 @@ def _first_violation(recording: Recording, limits: JointLimits) -> str:
         'velocity': np.abs(dq) > more * limits.velocity,
         'acceleration': np.abs(ddq) > more * limits.acceleration,
     }
+    if with_torque:
+        before = np.vstack((np.zeros_like(dq[:1]), dq[:-1]))
+        tau = np.array(list(map(model.torque, q, before, ddq)))  # Eq. (6)
+        beyond['torque'] = np.abs(tau) > more * model.tau_max
     found = []
     for kind, where in beyond.items():
         if where.any():
