@@ -33,7 +33,7 @@ _SHORTEST = 1e-12  # of a row whose excess is measured by its length
 
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
-_StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]
 # The first six arguments of hierarchical_qp()
 _Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -74,7 +74,7 @@ def solve_constrained(
         rows: Each group of other limits, in order of priority.
         active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
-        sizes, groups: How many rows each task has, and each group, if one array has several.
+        sizes, groups: Rows of each task and group, if several come as one; the last have no names.
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
@@ -98,7 +98,7 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
     anyway do not change it.
     """
     dq_free, *_, box = problem
-    C, low, high, groups = rows
+    C, low, high, groups, named = rows
     n = len(dq_free)
     group = np.repeat(np.arange(len(groups)), groups)
     length = np.maximum(np.linalg.norm(C, axis=1), _SHORTEST)
@@ -115,7 +115,7 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
         count = max(_ADDED, len(exceeded) // _ADDED)
         chosen[exceeded[np.argsort(-excess[exceeded])[:count]]] = True
         counts = np.bincount(group[chosen], minlength=len(groups))
-        few = C[chosen], low[chosen], high[chosen], counts
+        few = C[chosen], low[chosen], high[chosen], counts, int(chosen[:named].sum())
         solved = Constrained(dq, *hierarchical_qp(*problem, *few, active_set, dq))
     if solved.limiting >= n:
         solved.limiting = n + int(np.flatnonzero(chosen)[solved.limiting - n])
@@ -123,7 +123,7 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
 
 
 def _stacked_rows(rows: Sequence[Rows], n: int, groups: Sequence[int]) -> _StackedRows:
-    """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
+    """C (r, n), low and high (r,) of all rows, how many each group has, and how many have names."""
     if not rows:
         return _no_rows(n)
     counts = _sizes(*(groups or [len(low) for _, low, _ in rows]))
@@ -131,7 +131,7 @@ def _stacked_rows(rows: Sequence[Rows], n: int, groups: Sequence[int]) -> _Stack
         C, low, high = (np.asarray(each, FLOAT64) for each in rows[0])
     else:
         C, low, high = (np.concatenate(each, dtype=FLOAT64) for each in zip(*rows, strict=True))
-    return C, low, high, counts
+    return C, low, high, counts, len(low) - (len(rows[-1][1]) if groups else 0)
 
 
 @lru_cache
@@ -141,4 +141,4 @@ def _sizes(*rows: int) -> np.ndarray:
 
 @lru_cache
 def _no_rows(n: int) -> _StackedRows:
-    return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
+    return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), 0

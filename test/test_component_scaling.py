@@ -245,6 +245,17 @@ def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(task, q
     assert (end - begin) @ v > 0.01 * np.linalg.norm(v)
 
 
+def test_what_resists_is_a_limit_and_not_what_keeps_the_direction():
+    q = np.clip(FOUR_AT_ENDS, FR3.q_min + np.radians(0.5), FR3.q_max - np.radians(0.5))
+    controller = Controller(
+        FR3, 'minimum_acceleration', T, task='position', limits=BOX, scaling='components'
+    )
+    for _ in range(100):
+        command = controller.update(q, np.array((-0.2, 0.0, -0.1)))
+        assert command.active_limits.startswith('fr3_joint')
+        q = command.q_ref
+
+
 def test_an_unknown_scaling_is_refused(model):
     with pytest.raises(UnknownNameError, match='components, task'):
         Controller(model, 'minimum_velocity', T, scaling='component')

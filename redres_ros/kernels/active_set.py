@@ -30,13 +30,14 @@ _FORCE = 5  # how hard row k of the basis resists the descent
 _STATE = 0  # of each row, one of the four below
 _SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
 _BEHIND = 2  # the row behind row k of the basis
-_COUNT = 3  # the five below
+_COUNT = 3  # the six below
 
 _BASIS = 0  # how many rows the basis has,
 _BEYOND = 1  # and with those of the level behind it
 _VARIABLES = 2  # how many elements of z are in use
 _UNSOLVED = 3  # 1 if a level stopped before its least
-_HARDEST = 4  # the limit that resists hardest, -1 for none
+_HARDEST = 4  # the limit that resists hardest, -1 for none,
+_NAMED = 5  # among so many
 
 _LATER = 0  # the state of a row that a later level brings in,
 _FREE = 1  # of a limit that z may come to,
@@ -68,7 +69,7 @@ class _Search(NamedTuple):
     values: np.ndarray  # (6, K), lower <= rows z <= upper for limits, what levels want of rows z
     Q: np.ndarray  # (d, d) orthonormal rows; behind the basis there are those of the level
     R: np.ndarray  # (d, d) lower triangular: row k of the basis is sum_j R[k, j] Q[j]
-    marks: np.ndarray  # (4, K + 5) of int64
+    marks: np.ndarray  # (4, K + 6) of int64
     n: int  # z = (dq, s, slack variables), where dq is (n,)
 
 
@@ -246,8 +247,7 @@ def _step_across(search: _Search, begin: int) -> None:
     for j in range(d):
         after += p[j] ** 2
     if after <= _DEPENDENT**2 * before:
-        for j in range(d):
-            p[j] = 0.0
+        p[:] = 0.0
 
 
 # --- one level ------------------------------------------------------------------------------------
@@ -282,8 +282,7 @@ def _solve_level(search: _Search, begin: int, end: int, is_plain: bool) -> None:
         marks[_COUNT, _UNSOLVED] = 1
         marks[_COUNT, _BEYOND] = marks[_COUNT, _BASIS]
     _fix_tight(search, tight)
-    for i in range(begin, end):
-        marks[_STATE, i] = _FIXED
+    marks[_STATE, begin:end] = _FIXED
     marks[_COUNT, _BASIS] = marks[_COUNT, _BEYOND]
 
 
@@ -336,8 +335,7 @@ def _fill_forces(search: _Search, begin: int, end: int) -> float:
     rows = search.rows
     d = search.marks[_COUNT, _VARIABLES]
     g = search.p  # the step has been made
-    for j in range(d):
-        g[j] = 0.0
+    g[:] = 0.0
     fastest = 0.0
     for j in range(search.n):
         fastest = max(fastest, search.largest[j])
@@ -389,7 +387,7 @@ def _fix_tight(search: _Search, tight: float) -> None:
         if marks[_STATE, i] != _HELD or push <= tight:
             continue
         marks[_STATE, i] = _FIXED
-        if push > largest and i != search.n:
+        if push > largest and i != search.n and i < marks[_COUNT, _NAMED]:
             largest = push
             hardest = i
     if marks[_COUNT, _HARDEST] < 0:
@@ -492,7 +490,7 @@ def _begin_at(
         np.zeros((_FORCE + 1, K)),
         space[3 + K : 3 + K + d],
         space[3 + K + d :],
-        np.zeros((_COUNT + 1, K + _HARDEST + 1), np.int64),
+        np.zeros((_COUNT + 1, K + _NAMED + 1), np.int64),
         n,
     )
     z = search.z
@@ -554,7 +552,7 @@ def _begin_at(
 @compiled(
     several(float64, float64, float64, int64, int64, boolean)(
         *(vector(), matrix(), matrix(), vector(), vector(int64)),
-        *(matrix(), matrix(), vector(), vector(), vector(int64), int64[::1], float64[::1]),
+        *(matrix(), matrix(), vector(), vector(), vector(int64), int64, int64[::1], float64[::1]),
     )
 )
 def hierarchical_qp(
@@ -568,6 +566,7 @@ def hierarchical_qp(
     low: np.ndarray,
     high: np.ndarray,
     groups: np.ndarray,
+    named: int,
     held: np.ndarray,
     dq: np.ndarray,
 ) -> tuple[float, float, float, int, int, bool]:
@@ -582,14 +581,15 @@ def hierarchical_qp(
 
     Returns:
         The scaling factor s of the first task; its error; the excess of the rows; the limit that
-        resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
-        end; and whether each level got to its least.
+        resists hardest, the joints' first, then the first `named` rows', -1 for none; its side, +1
+        for the upper end; and whether each level got to its least.
     """
     n = len(dq_free)
     most = 0
     for count in groups:
         most = max(most, count)
     search = _begin_at(dq_free, box, C, low, high, J, dx, tasks[0], most, held)
+    search.marks[_COUNT, _NAMED] = n + 1 + named
     z = search.z
     rows = search.rows
     marks = search.marks
