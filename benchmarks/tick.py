@@ -14,10 +14,12 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from operators import BlindOperator
 from peers import Peer, Setting, Target, installed, pinocchio_calls
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.planning.planner import Planner
+from redres_ros.policy import SCALING
 
 T = 0.002  # [s]
 TICKS = 1500  # of the recorded part of the motion: from rest to rest
@@ -99,7 +101,20 @@ def ours(model: RobotModel, rows: list) -> dict[Key, Callable[[int], object]]:
         calls[group, name] = call(
             'minimum_velocity', integrate_from='measurement', limits=limits, limit_scale=scale
         )
+    for scaling in SCALING:
+        calls['FR3, pose, limits acting', f'scaling {scaling}'] = steered(scaling)
     return calls
+
+
+def steered(scaling: str) -> Callable[[int], object]:
+    """An FR3 under random twists, of which its limits allow a part."""
+    model = RobotModel.named('fr3')
+    start = np.array(model.arm.start)
+    operator = BlindOperator(T, 0)
+    twists = [operator.twist(k * T, *model.tip(start)) for k in range(TICKS)]
+    settings = {'task': 'pose', 'limits': LIMITS, 'limit_scale': SCALES['limits acting']}
+    controller = Controller(model, 'minimum_velocity', T, scaling=scaling, **settings)
+    return lambda k: controller.update(start, twists[k % TICKS])
 
 
 def others(model: RobotModel, rows: list) -> dict[Key, Callable[[int], object]]:
