@@ -61,10 +61,10 @@ class Plan(Command):
 def _of_tick(name: str) -> Any:
     """An attribute of a controller that its states have, too, in their `tick`."""
 
-    def assign(controller: 'Controller', value: Any) -> None:
+    def _assign(controller: 'Controller', value: Any) -> None:
         controller._tick = replace(controller._tick, **{name: value})
 
-    return property(lambda controller: getattr(controller._tick, name), assign)
+    return property(lambda controller: getattr(controller._tick, name), _assign)
 
 
 class Controller:

@@ -21,7 +21,7 @@ class Connection:
     def send(self, tick: int, q: np.ndarray, names: tuple[str, ...] | None = None) -> None:
         """Send q [rad] as the command for the state of a tick."""
         names = self.robot.plant.joint_names if names is None else names
-        self.receiver.put(self.clock.stamp(tick), names, np.asarray(q))
+        self.receiver.put(EPOCH + tick * self.clock.period, names, np.asarray(q))
 
     def advance(self) -> None:
         """Let the robot have what has come, send its next state and move on by a cycle."""

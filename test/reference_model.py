@@ -5,7 +5,7 @@ import numpy as np
 from doubles import random_motion
 
 from redres_ros import RobotModel
-from redres_ros.fake_robot.mujoco_arm import compiled, inertia, load
+from redres_ros.fake_robot.mujoco_arm import compiled, load
 from redres_ros.robots import Arm
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
@@ -37,7 +37,9 @@ class ReferenceModel:
     def dynamics(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M(q) with rotors, (n, n) [kg m^2], and n(q, dq), (n,) [Nm]."""
         self._forward(q, dq)
-        return inertia(self._model, self._data), self._data.qfrc_bias.copy()
+        M = np.empty((len(q), len(q)))
+        mujoco.mj_fullM(self._model, self._data, M)
+        return M, self._data.qfrc_bias.copy()
 
     def _forward(self, q: np.ndarray, dq: np.ndarray) -> None:
         self._data.qpos[:] = q

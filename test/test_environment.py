@@ -50,7 +50,7 @@ def test_a_wall_pushes_back_with_its_stiffness_times_the_depth(stiffness: float)
 
 @pytest.mark.parametrize(('x', 'y'), [(0.5, 0.0), (-0.3, 0.4), (0.0, -0.2)])
 def test_a_wall_faces_the_base(x: float, y: float) -> None:
-    normal = EnvironmentSettings('wall', (x, y, 0.7)).normal
+    normal = EnvironmentSettings('wall', (x, y, 0.7))._normal
     assert normal == pytest.approx(-np.array((x, y, 0.0)) / np.hypot(x, y))
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, reason_of
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
-from redres_ros.types import InertiaMatrix
 
 PLANT_STEP = 0.0005  # [s] of the simulation; the cycle is a whole multiple of it
 _SAMPLES = 200  # random positions from which the largest inertia is estimated
@@ -49,7 +48,7 @@ class EnvironmentSettings:
             raise ArrayError('contact_position of a wall is above the base; expected beside it')
 
     @property
-    def normal(self) -> np.ndarray:
+    def _normal(self) -> np.ndarray:
         """Direction out of the table or wall in the base frame, (3,)."""
         if self.contact_shape == 'table':
             return np.array((0.0, 0.0, 1.0))
@@ -128,13 +127,6 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
         raise FileError(f'MuJoCo cannot use {arm.source}: {reason_of(error)}') from None
 
 
-def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> InertiaMatrix:
-    """M(q) with rotors, after mj_fwdPosition."""
-    M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
-    return M
-
-
 def _set_physics(spec: mujoco.MjSpec) -> None:
     """Time step, gravity compensation, and the ends of the joints' ranges."""
     spec.option.timestep = PLANT_STEP
@@ -164,9 +156,9 @@ def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) 
     surface = spec.worldbody.add_geom(
         name=_SURFACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(_HALF_WIDTH, _HALF_WIDTH, 0.01)
     )
-    surface.pos = np.array(settings.contact_position) - _TIP_RADIUS * settings.normal
+    surface.pos = np.array(settings.contact_position) - _TIP_RADIUS * settings._normal
     surface.alt.type = mujoco.mjtOrientation.mjORIENTATION_ZAXIS
-    surface.alt.zaxis = settings.normal
+    surface.alt.zaxis = settings._normal
     for geom in (sphere, surface):
         geom.mass = 0.0
         geom.contype = 1
@@ -190,8 +182,10 @@ def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
     random = np.random.default_rng(0)
     limits = np.where(model.jnt_limited[:, None], model.jnt_range, (-np.pi, np.pi)).T
     bound = np.zeros(model.nv)
+    M = np.empty((model.nv, model.nv))
     for _ in range(_SAMPLES):
         data.qpos[:] = random.uniform(*limits)
         mujoco.mj_fwdPosition(model, data)
-        bound = np.maximum(bound, np.abs(inertia(model, data)).sum(axis=1))
+        mujoco.mj_fullM(model, data, M)
+        bound = np.maximum(bound, np.abs(M).sum(axis=1))
     return bound

@@ -26,13 +26,9 @@ class RobotClock:
         # Tick and time [s] of the last states by stamp, oldest first, without the time stood still
         self._sent: dict[Nanoseconds, tuple[int, Seconds]] = {}
 
-    def stamp(self, tick: int) -> Nanoseconds:
-        """Stamp of this tick or one to come."""
-        return self._epoch + tick * self.period
-
     def send(self, tick: int) -> Nanoseconds:
         """Stamp of a tick whose state goes out now."""
-        stamp = self.stamp(tick)
+        stamp = self._epoch + tick * self.period
         self._sent[stamp] = (tick, time.monotonic() - self.stood_still)
         if len(self._sent) > _KEPT:
             del self._sent[next(iter(self._sent))]

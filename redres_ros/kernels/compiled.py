@@ -26,7 +26,7 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     Where no folder for the cache can be written, it is compiled anew in every process.
     """
 
-    def decorate(function: Callable[..., Any]) -> Any:
+    def _decorate(function: Callable[..., Any]) -> Any:
         if _IN_PYTHON:
             return function
         # LLVM calls back into Python, where an interrupt would get lost.
@@ -41,7 +41,7 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
             _report_compiling(made.stats.cache_path or '')
         return made
 
-    return decorate
+    return _decorate
 
 
 @cache

@@ -73,27 +73,22 @@ def integrate(
 
 
 @direct
-@compiled(several(float64, int64)(vector(), vector(), vector(), float64))
+@compiled(several(float64, int64)(vector(), vector(), vector(), float64, float64, _VECTOR))
 def largest_excess(
-    q: np.ndarray, other: np.ndarray, V: np.ndarray, seconds: float
+    q: np.ndarray, dq: np.ndarray, other: np.ndarray, fraction: float, seconds: float, V: np.ndarray
 ) -> tuple[float, int]:
-    """The largest |q - other| - V t of a joint [rad], and which joint that is."""
+    """Let peaks of speed V (n,) fall to a fraction, or rise to the speeds of dq; the largest
+    |q - other| - V t of a joint [rad], and which joint that is.
+    """
     most = -np.inf
     joint = 0
     for i in range(len(q)):
+        V[i] = max(abs(dq[i]), fraction * V[i])
         excess = abs(q[i] - other[i]) - V[i] * seconds
         if excess > most:
             most = excess
             joint = i
     return most, joint
-
-
-@direct
-@compiled(void(_VECTOR, vector(), float64))
-def update_peak(peak: np.ndarray, dq: np.ndarray, fraction: float) -> None:
-    """Let peaks of speed (n,) fall to a fraction, or rise to the speeds of dq, (n,) [rad/s]."""
-    for i in range(len(dq)):
-        peak[i] = max(abs(dq[i]), fraction * peak[i])
 
 
 @direct

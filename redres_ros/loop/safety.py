@@ -18,7 +18,7 @@ import numpy as np
 from redres_ros.command import Published
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
-from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
+from redres_ros.kernels.tick import largest, largest_excess, widen
 from redres_ros.types import Cycles, JointPositions
 
 LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
@@ -101,8 +101,8 @@ class FaultMonitor:
             return
         if cycles > 1:
             published = self._controller.bridged(published, cycles - 1)
-        update_peak(self.fast, published.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
-        lag, joint = largest_excess(published.q, q, self.fast, LAG_TIME)
+        left = max(1.0 - seconds / _DECAY_TIME, 0.0)
+        lag, joint = largest_excess(published.q, published.dq, q, left, LAG_TIME, self.fast)
         if lag <= self._allowed:
             self._away = max(self._away - _AWAY_DECAY, 0.0)
         else:

@@ -44,13 +44,13 @@ def show_traces(node: Node, frame: str, waypoints: Points, trace: Trace) -> None
         _make_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE),
     ]
 
-    def markers() -> list[Marker]:
+    def _markers() -> list[Marker]:
         for marker, x in zip(traces, trace(), strict=False):
             marker.points = [*marker.points, _to_point(x)][-_LENGTH:]
         # RViz complains of a line of less than two points.
         return [task, *(marker for marker in traces if len(marker.points) > 1)]
 
-    _show(node, frame, _TRACES_EVERY, markers)
+    _show(node, frame, _TRACES_EVERY, _markers)
 
 
 def show_obstacles(
