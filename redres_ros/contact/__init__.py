@@ -231,7 +231,7 @@ class ContactControl:
         self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
         self.de = np.zeros(m)  # its velocity in the last tick, (m,)
         self.warning = ''  # the reason of a retreat, and of the stop that follows
-        self._retreat: np.ndarray | None = None  # direction, (3,)
+        self.retreat: np.ndarray | None = None  # direction, (3,)
         self._end = 0.0  # [m] along it
         self._turn = np.inf  # [m] along it, where the tip has turned round
         self._first = 0.0  # [N], the force there
@@ -254,10 +254,6 @@ class ContactControl:
         """Whether it acts, or will."""
         return self.settings.enabled or self._new is not None or self._old is not None
 
-    @property
-    def retreats(self) -> bool:
-        return self._retreat is not None
-
     def velocity(self, dx: TaskVelocity, state: RobotState, missed: Cycles = 0) -> TaskVelocity:
         """The task velocity dx_d + de, or that of a retreat; then call record().
 
@@ -273,11 +269,11 @@ class ContactControl:
         if wrench is None:
             return dx
         self.force = wrench[:3]
-        if self._retreat is None and self._exceeds_limit():
-            self._retreat = self.force / np.linalg.norm(self.force)
-            self._end = float(state.x @ self._retreat) + _RETREAT_DISTANCE
-        if self._retreat is not None:
-            return self._retreating(self._retreat, state, len(dx))
+        if self.retreat is None and self._exceeds_limit():
+            self.retreat = self.force / np.linalg.norm(self.force)
+            self._end = float(state.x @ self.retreat) + _RETREAT_DISTANCE
+        if self.retreat is not None:
+            return self._retreating(self.retreat, state, len(dx))
         rate = self._rate(wrench, state)
         self._bound_search(rate, state)
         return dx + rate
@@ -305,7 +301,7 @@ class ContactControl:
         At rest it is called in place of velocity().
         """
         if not at_rest:
-            return self.retreats or bool((np.abs(self.de) > _AT_REST).any())
+            return self.retreat is not None or bool((np.abs(self.de) > _AT_REST).any())
         self.sensor.advance(missed + 1)
         if not self.settings.enabled:
             self.restart()

@@ -51,10 +51,7 @@ _STAMPED: dict[str, tuple[type, Callable[[Any, JointMapper], Any]]] = {
     STATES: (JointState, lambda message, joints: joints.in_order(message, 'position')),
     COMMANDS: (JointState, _to_command),
     DESIRED: (PoseStamped, _to_pose),
-    FORCES: (
-        WrenchStamped,
-        lambda given, _: stacked(given.wrench.force, given.wrench.torque)[:3],
-    ),
+    FORCES: (WrenchStamped, lambda given, _: stacked(given.wrench.force, given.wrench.torque)[:3]),
 }
 # Without stamps; what the node publishes in the same callback, and before it, gives them one.
 _UNSTAMPED: dict[str, tuple[type, str]] = {

@@ -122,10 +122,9 @@ class CommandReceiver:
                 'wrong length',
                 f'got {arrival.positions.size} positions; expected {len(names)}, one a joint',
             )
-        by_name = dict(zip(names, arrival.positions.tolist(), strict=True))
-        for name, position in by_name.items():
+        for name, position in zip(names, arrival.positions, strict=True):
             if not math.isfinite(position):
                 raise CommandError(
                     'not finite', f'{name} commanded {position} rad; expected a finite value'
                 )
-        return np.array([by_name[name] for name in expected])
+        return np.array([arrival.positions[names.index(name)] for name in expected])

@@ -70,7 +70,15 @@ def servo_model(
     spec = load(arm)
     if spec.body(arm.tip_frame) is None:
         raise UnknownNameError('frame', arm.tip_frame, [body.name for body in spec.bodies])
-    _set_physics(spec)
+    spec.option.timestep = PLANT_STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Whatever goes wrong, an arm cannot jump to zero.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    for body in spec.bodies:
+        body.gravcomp = 1.0
+    for joint in spec.joints:
+        joint.actgravcomp = True  # counts as the motor's, towards the effort limit
+        joint.solref_limit = (4.0 * PLANT_STEP, 1.0)  # by default a light arm gets degrees past it
     none = mujoco.mjtDyn.mjDYN_NONE
     for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, none, none):
         for joint in spec.joints:
@@ -125,21 +133,6 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as error:
         raise FileError(f'MuJoCo cannot use {arm.source}: {reason_of(error)}') from None
-
-
-def _set_physics(spec: mujoco.MjSpec) -> None:
-    """Time step, gravity compensation, and the ends of the joints' ranges."""
-    spec.option.timestep = PLANT_STEP
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # Whatever goes wrong, an arm cannot jump to zero.
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    for body in spec.bodies:
-        body.gravcomp = 1.0
-    # A hard stop: by default a light arm gets degrees past it.
-    stop = (4.0 * PLANT_STEP, 1.0)
-    for joint in spec.joints:
-        joint.actgravcomp = True  # counts as the motor's, towards the effort limit
-        joint.solref_limit = stop
 
 
 def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) -> mujoco.MjModel:

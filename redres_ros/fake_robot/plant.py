@@ -7,11 +7,7 @@ import numpy as np
 
 from redres_ros.errors import RangeError, RedresError, UnknownNameError
 from redres_ros.fake_robot.faults import Faults
-from redres_ros.fake_robot.mujoco_arm import (
-    PLANT_STEP,
-    EnvironmentSettings,
-    servo_model,
-)
+from redres_ros.fake_robot.mujoco_arm import PLANT_STEP, EnvironmentSettings, servo_model
 from redres_ros.robots import Arm
 from redres_ros.types import (
     Force,

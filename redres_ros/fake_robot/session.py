@@ -80,12 +80,10 @@ class Session:
             self.stop(fault)
             return
         self.timing.counts['bridged'] += self.commanding and self.timing.age > 0
-        if not self.timing.statistics['response_rate']:
-            self._take(Event.SILENCE)
-        elif self._is_long_good:
-            self._take(Event.LONG_GOOD_TIMING)
-        else:
-            self._take(Event.GOOD_TIMING if is_good else Event.POOR_TIMING)
+        event = Event.GOOD_TIMING if is_good else Event.POOR_TIMING
+        if self._is_long_good:
+            event = Event.LONG_GOOD_TIMING
+        self._take(event if self.timing.statistics['response_rate'] else Event.SILENCE)
 
     def refuse(self, error: CommandError) -> None:
         """Count a refused command. Its cycle is still recorded."""
@@ -123,12 +121,12 @@ class Session:
 
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
-        age = self.timing.age
+        timing = self.timing
         bridged = self.profile.bridged_misses
-        if age > bridged:
-            problem = f'the newest command is {age} cycles late, {bridged} are bridged'
-        elif self.timing.quality < self.profile.lowest:
-            problem = f'the connection is {self.quality}: {self.timing.complaint}'
+        if timing.age > bridged:
+            problem = f'the newest command is {timing.age} cycles late, {bridged} are bridged'
+        elif timing.quality < self.profile.lowest:
+            problem = f'the connection is {self.quality}: {timing.complaint}'
         else:
             return ''
         refused = f'; last refused: {self.command_error}' if self.command_error else ''

@@ -43,11 +43,7 @@ class _Row(NamedTuple):
 
 
 _ROWS: dict[str, tuple[_Row, ...]] = {
-    'sim': (
-        _Row(SESSION, 'session'),
-        _Row(QUALITY, 'connection'),
-        _Row(REASON, 'stop reason'),
-    ),
+    'sim': (_Row(SESSION, 'session'), _Row(QUALITY, 'connection'), _Row(REASON, 'stop reason')),
     'planner': (
         _Row(TASK_STATE, 'state'),
         _Row(PROGRESS, 'progress', '%', 100.0),

@@ -330,7 +330,8 @@ class CommandLoop:
             self.faults.set(str(error))
             blocked = True
             self.mode = Mode.STOPPING
-            controller.hold(at_once=self.measurements.contact.retreats)  # it may press on
+            retreats = self.measurements.contact.retreat is not None
+            controller.hold(at_once=retreats)  # it may press on
             self.measurements.restart()
             controller.published = before
             command = self._command(state.q, dx, missed)
@@ -408,7 +409,7 @@ class CommandLoop:
             # An arm that only follows what is measured comes to rest after it by itself; one whose
             # velocity ends brakes first.
             interrupted = stale and self.mode is Mode.MOVING and not self._yields_alone
-            if not interrupted or measurements.contact.retreats:
+            if not interrupted or measurements.contact.retreat is not None:
                 allowed = True
                 asked = asked or measurements.asks
         conditions = Conditions(
