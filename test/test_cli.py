@@ -195,6 +195,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     [
         ('dance', 'dance'),
         ('simulate --damp 1', '--damp'),
+        ('simulate --scaling component', '(is components meant?); allowed: components, task'),
         ('simulate --damping much', 'much'),
         ('simulate --view page', 'unknown: --view page; see redres simulate --help'),
         ('simulate --law=', 'got nothing for --law; expected a value'),

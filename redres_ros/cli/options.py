@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from redres_ros.errors import RangeError, RedresError, quoted
+from redres_ros.errors import RangeError, RedresError, UnknownNameError, quoted
 
 NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
@@ -31,6 +31,12 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the command line in one line; the base class prints twenty."""
         self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse what is none of the choices as any other unknown name."""
+        if action.choices is not None and value not in action.choices:
+            error = UnknownNameError('value', value, action.choices)
+            raise argparse.ArgumentError(action, str(error))
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """As of the base class, which passes over output that cannot be written."""

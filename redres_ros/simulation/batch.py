@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from redres_ros.controller import Controller
-from redres_ros.errors import RedresError, reason_of
+from redres_ros.errors import RedresError, UnknownNameError, reason_of
 from redres_ros.files.processes import end_with_parent
 from redres_ros.parameter import as_tuple, check_parameters, param
 from redres_ros.planning.waypoints import WaypointTask, load_task
@@ -175,7 +175,11 @@ def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
     model = RobotModel(arm)
     task = None
     if case.task not in RANDOM_TASKS:
-        task = load_task(case.task)
+        try:
+            task = load_task(case.task)
+        except UnknownNameError as error:
+            allowed = (*error.allowed, *RANDOM_TASKS)
+            raise UnknownNameError(error.kind, error.got, allowed) from None
         task.check_joints(model.n)
     make_controller(case, model, pose=task is not None and task.orientations is not None)
     return arm, task
