@@ -14,6 +14,7 @@ import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.cli import main, make_parser
+from redres_ros.cli.motion import find_motion, node_parameters
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import columns
@@ -63,6 +64,7 @@ def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
         ('--damping', '100'),
         ('--period', '0.002'),
         ('--limits', 'acceleration', '--limit-scale', '0.1'),
+        ('--limits', 'acceleration', '--set', 'acceleration_limit=[1, 1, 1, 1, 1, 1, 1]'),
         ('--limits', 'torque', '--torque-scale', '0.12'),
         ('--prefer', 'posture=100', '--set', 'posture.target=[0, 0, 0, 0, 0, 0, 0]'),
         ('--prefer', 'joint_centering', 'elbow_height=10'),
@@ -128,6 +130,7 @@ REFUSED = [
     ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws that know the '),
     ('simulate --law minimum_velocity --damping 5', '--damping acts on laws that know the last '),
     ('simulate --set posture.gain', '--set posture.gain; expected NAME=VALUE, such as'),
+    ('simulate --set acceleration_limit=3', '--set acceleration_limit=3; expected a list, such'),
     ('simulate --set =1', '--set =1; expected NAME=VALUE'),
     ('simulate --prefer posture --set posture.gain=high', "posture.gain is 'high'; allowed: "),
     ('simulate --dynamics rods', "unknown dynamics 'rods'; allowed: cylinders, identified"),
@@ -345,3 +348,16 @@ def test_a_command_loads_what_it_needs(short, limits, is_loaded):
     words = ['simulate', '--task', short, '--limits', limits]
     done = subprocess.run([sys.executable, '-c', program, *words], timeout=120, check=False)
     assert done.returncode == is_loaded
+
+
+def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_leave_nothing_assumed(
+    tmp_path,
+):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(RobotModel.named('planar4r').arm.description())
+    setting = ['--tip', 'tool0', '--set', 'acceleration_limit=[1, 2, 3, 4]']
+    motion = find_motion(
+        make_parser().parse_args(['simulate', '--robot', str(path), *setting]), ['minimum_torque']
+    )
+    assert node_parameters(motion)['acceleration_limit'] == (1.0, 2.0, 3.0, 4.0)
+    assert 'assumed' not in ' '.join(motion.model.arm.remarks())

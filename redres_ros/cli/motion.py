@@ -11,7 +11,7 @@ from redres_ros.cli.options import NONE, OptionError, number_in, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Gain, check_once
+from redres_ros.parameter import Gain, Parameter, check_once, check_value
 from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -22,6 +22,7 @@ from redres_ros.tasks import TASKS
 # Fields of a case that are parameters of the nodes by the same name.
 _SAME = ('law', 'dynamics', 'limit_scale', 'torque_scale', 'scaling')
 _LISTS = ('limits', 'preferences', 'secondary_tasks')
+_ACCELERATION = 'acceleration_limit'  # of the arm, which --set takes as the nodes do
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
@@ -63,15 +64,29 @@ def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotio
     name = options.task or ('' if options.robot else 'rectangle')
     given = load_task(name) if name else None
     robot = options.robot or (given.robot if given else '')
-    arm = replace(choose_arm(robot, options.tip, options.elbow), dynamics=options.dynamics)
+    settings = read_settings(options.set or ())
+    accelerations = _accelerations(settings.pop(_ACCELERATION, []))
+    arm = choose_arm(robot, options.tip, options.elbow, acceleration_limit=accelerations)
+    arm = replace(arm, dynamics=options.dynamics)
     model = RobotModel(arm)
     task = replace(given or task_for(arm, robot), robot=robot)
     if options.robot or options.tip:
         _check_start(task, model)
-    return _NamedMotion(name or arm.task, task, model, _find_case(options, laws))
+    return _NamedMotion(name or arm.task, task, model, _find_case(options, laws, settings))
 
 
-def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
+def _accelerations(given: Any) -> tuple[float, ...]:
+    """Acceleration limits of the joints; empty: the arm's own. Raises RedresError."""
+    if not isinstance(given, list):
+        raise OptionError(
+            f'--set {_ACCELERATION}={given}; expected a list, such as [5.0, 5.0, 8.0]'
+        )
+    limits: tuple[float, ...] = _converted(given, ())
+    check_value(_ACCELERATION, limits, Parameter('[rad/s^2]', 1e-3, 1e6))
+    return limits
+
+
+def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[str, Any]) -> Case:
     """The case under the first of some laws."""
     limits: tuple[str, ...] = ()
     if options.limits != NONE:
@@ -87,7 +102,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str]) -> Case:
         scaling=options.scaling,
         preferences=tuple(name for name, _, _ in preferences),
         secondary_tasks=tuple(options.secondary or ()),
-        gains=read_settings(options.set or ()),
+        gains=settings,
         tip_frame=options.tip,
         elbow_frame=options.elbow,
         dynamics=options.dynamics,
@@ -131,6 +146,8 @@ def node_parameters(motion: _NamedMotion) -> dict[str, Any]:
         'task': motion.name,
         'task_space': 'position' if motion.task.orientations is None else 'pose',
     }
+    if motion.model.arm.acceleration_limit:
+        parameters[_ACCELERATION] = motion.model.arm.acceleration_limit
     if case.tip_frame:
         parameters['tip_frame'] = case.tip_frame
     return parameters
@@ -156,7 +173,7 @@ def _checked_gains(case: Case, laws: Sequence[str]) -> dict[str, Any]:
     gains = {}
     for key, value in case.gains.items():
         if key not in owners:
-            raise UnknownNameError('gain', key, owners)
+            raise UnknownNameError('gain', key, (*owners, _ACCELERATION))
         if used.isdisjoint(f'{gain.kind} {gain.owner}' for gain in owners[key]):
             owner = f'{owners[key][0].kind} {owners[key][0].owner}'
             raise OptionError(f'--set {key} acts on the {owner}; in use: {", ".join(sorted(used))}')

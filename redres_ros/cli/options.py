@@ -130,7 +130,8 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
     prefer = 'preferences in the null space, such as joint_centering=4'
     secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
-    gains = 'gains as in a parameter file, such as posture.gain=4; `redres laws` lists them'
+    gains = 'gains as in a parameter file, such as posture.gain=4; `redres laws` lists them; '
+    gains += "or acceleration_limit='[10, 10, ...]', of each joint [rad/s^2]"
     if several_laws:
         option(law, '--law', 'A,B,...', names, several_laws, dest='laws')
     else:

@@ -128,16 +128,25 @@ def find_arm(name: str, **changes: object) -> Arm:
 
 
 def choose_arm(
-    robot: str, tip_frame: str = '', elbow_frame: str = '', *, others: tuple[str, ...] = ()
+    robot: str,
+    tip_frame: str = '',
+    elbow_frame: str = '',
+    *,
+    acceleration_limit: tuple[float, ...] = (),
+    others: tuple[str, ...] = (),
 ) -> Arm:
-    """The arm of a name in the table, or of the path of a .urdf file; an empty frame is
+    """The arm of a name in the table, or of the path of a .urdf file; what is empty is
     the arm's own, or that which `arm_from_urdf` chooses.
 
     Raises UnknownNameError, which lists `others` that the caller takes, too, and FileError.
     """
     if robot in ARMS:
-        frames = {'tip_frame': tip_frame, 'elbow_frame': elbow_frame}
-        return find_arm(robot, **{name: frame for name, frame in frames.items() if frame})
+        given = {
+            'tip_frame': tip_frame,
+            'elbow_frame': elbow_frame,
+            'acceleration_limit': acceleration_limit,
+        }
+        return find_arm(robot, **{name: value for name, value in given.items() if value})
     if Path(robot).suffix not in ('.urdf', '.xacro'):  # which is refused with a remedy
         raise UnknownNameError('robot', robot, (*ALLOWED, *others))
-    return arm_from_urdf(Path(robot), tip_frame, elbow_frame)
+    return arm_from_urdf(Path(robot), tip_frame, elbow_frame, acceleration_limit=acceleration_limit)
