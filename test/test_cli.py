@@ -128,6 +128,7 @@ REFUSED = [
         "unknown gain 'posture.gian' (is posture.gain meant?); allowed: ",
     ),
     ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws that know the '),
+    ('simulate --law minimum_velocity --set damping=5', '--set damping acts on laws that know '),
     ('simulate --law minimum_velocity --damping 5', '--damping acts on laws that know the last '),
     ('simulate --set posture.gain', '--set posture.gain; expected NAME=VALUE, such as'),
     ('simulate --set acceleration_limit=3', '--set acceleration_limit=3; expected a list, such'),

@@ -110,7 +110,11 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
     _check_scales(case)
     names = [name.partition('@')[0] for name in laws]
     if all(name in LAWS and not LAWS[name].has_memory for name in names):
-        for option, value in (('prefer', preferences), ('damping', options.damping)):
+        for option, value in (
+            ('prefer', preferences),
+            ('damping', options.damping),
+            ('set damping', settings.get('damping')),
+        ):
             if value not in (None, []):
                 raise OptionError(
                     f'--{option} acts on laws that know the last velocity; in use: '
