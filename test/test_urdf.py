@@ -125,6 +125,12 @@ def test_without_a_tip_the_last_links_are_listed():
         arm_from_urdf(urdf())
 
 
+def test_a_link_that_is_named_as_a_tip_is_listed_first():
+    tool = joint('mount', 'b', 'tool', '', 'fixed')
+    with pytest.raises(FileError, match='there are 4 last links; .* such as tool, left, right'):
+        arm_from_urdf(urdf(f'<link name="tool"/>{tool}'))
+
+
 def test_joints_of_every_tip_move_and_all_libraries_have_them_in_the_same_order():
     arm = replace(
         arm_from_urdf(urdf(), 'tip'), other_tips=('left',), acceleration_limit=(), start=()

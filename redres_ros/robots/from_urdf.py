@@ -1,5 +1,6 @@
 """An arm of which only the URDF is known: its tip, and defaults for what the URDF does not say."""
 
+import re
 from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -16,6 +17,7 @@ from redres_ros.types import JointAccelerations, JointPositions, Points, Seconds
 
 _FEWEST_JOINTS = 3  # as a position has three coordinates
 _JOINTS_OF_AN_ARM = 7  # which lead to a likely tip
+_TIP_NAME = re.compile(r'tool|tcp|flange|hand|(^|_)ee(_|$)', re.IGNORECASE)
 _MOST_TIPS = 8  # that an error names
 _REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
 _PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
@@ -102,9 +104,9 @@ def _last_link(arm: Arm) -> str:
         return ends[0]
     hands = [link for link in urdf.links if parents.count(link) > 1]  # fingers begin there
 
-    def _unlikeness(link: str) -> int:
+    def _unlikeness(link: str) -> tuple[bool, int]:
         moving = [joint for joint in tree_to(urdf, [link]) if joint.type != 'fixed']
-        return abs(len(moving) - _JOINTS_OF_AN_ARM)
+        return not _TIP_NAME.search(link), abs(len(moving) - _JOINTS_OF_AN_ARM)
 
     likely = sorted((*ends, *hands), key=_unlikeness)[:_MOST_TIPS]
     raise urdf.error(
