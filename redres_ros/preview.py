@@ -30,7 +30,7 @@ class Preview:
             self.rotations = _checked('orientations', orientations, (N, 3, 3)).reshape(-1, 9)
         _checked('times', self.times, (N,))
         if not N or not (np.diff(self.times) > 0.0).all():
-            raise ArrayError('times of a preview do not increase; each must be after the last')
+            raise ArrayError('times of a path do not increase; each must be after the last')
 
     def of_rows(self, m: int) -> Self | None:
         """The path of the position alone for m = 3; for m = 6 None without orientations."""
@@ -61,7 +61,7 @@ class Ahead(NamedTuple):
 def _checked(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     array = np.array(values, np.float64)
     if array.shape != shape:
-        raise ArrayError(f'{name} of a preview have shape {array.shape}; expected {shape}')
+        raise ArrayError(f'{name} of a path have shape {array.shape}; expected {shape}')
     if not np.isfinite(array).all():
-        raise ArrayError(f'{name} of a preview hold NaN or infinity; every value must be finite')
+        raise ArrayError(f'{name} of a path hold NaN or infinity; every value must be finite')
     return array

@@ -17,9 +17,9 @@ from reference_judge import judge_graph
 from std_msgs.msg import String
 from virtual_graph import VirtualRun, virtual_run
 
-from redres_ros import RobotModel
+from redres_ros import Preview, RobotModel
 from redres_ros.geometry import rotation_matrix
-from redres_ros.nodes.conversions import to_nanoseconds, to_pose, to_time
+from redres_ros.nodes.conversions import to_nanoseconds, to_path, to_pose, to_time
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -305,3 +305,38 @@ def test_a_target_in_the_middle_of_a_motion_makes_no_stop(streamed: VirtualRun) 
     streamed.run(1.3)
     send_pose(streamed, np.array((0.05, 0.4, 0.0, 0.0, 0.0, 0.0)), start)
     assert min(speed(streamed, 0.05) for _ in range(10)) > 0.1
+
+
+def test_overlapping_pieces_of_a_path_are_followed_each_pose_at_its_stamp(
+    streamed: VirtualRun,
+) -> None:
+    judge = judge_graph(streamed.graph, JointLimits.of(FR3.arm), 100.0, 'extrapolate')
+    x, R = FR3.tip(position(streamed))
+    cycles = streamed.nodes['planner']._run.cycles
+    begin = cycles.newest
+
+    def after_start(t: np.ndarray) -> np.ndarray:
+        """Positions of a tip that sets off gently, (N, 3)."""
+        return x + np.outer(0.1 * np.sin(np.clip(t, 0.0, 3.0)) ** 2, (0.0, 1.0, 0.5))
+
+    for _ in range(25):
+        t = (cycles.newest - begin) / SECOND + np.arange(0.0, 1.0, 0.05)
+        path = Preview(t - t[0], after_start(t), np.tile(R, (len(t), 1, 1)))
+        streamed.graph.publish('target_path', to_path(cycles.newest, '', path))
+        streamed.run(0.1)
+        now = np.array(((cycles.newest - begin) / SECOND,))
+        assert np.linalg.norm(FR3.tip(position(streamed))[0] - after_start(now)[0]) < 0.004
+    judge.assert_followable()
+    assert streamed.run_until(lambda: state(streamed) is TaskState.FINISHED, 2.0)
+
+
+def test_a_path_that_cannot_be_followed_is_refused_in_one_line(streamed: VirtualRun) -> None:
+    x, R = FR3.tip(position(streamed))
+    line = x + np.outer(np.arange(3.0), (0.0, 0.3, 0.0))
+    path = Preview((0.0, 1.0, 2.0), line, np.tile(R, (3, 1, 1)))  # 0.3 m/s
+    streamed.graph.publish(
+        'target_path', to_path(streamed.nodes['planner']._run.cycles.newest, '', path)
+    )
+    streamed.run(0.1)
+    assert state(streamed) is TaskState.IDLE
+    assert logged(streamed, 'target_path refused', 'target_speed', '0.3')

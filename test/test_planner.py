@@ -1,12 +1,13 @@
 """Planner: quintic segments (36), feedback (37), and when one segment follows the other."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from redres_ros import Planner, WaypointTask
+from redres_ros import Planner, Preview, WaypointTask
 from redres_ros.geometry import quintic
 from redres_ros.planning.planner import Reference, TargetFollower
 
@@ -254,7 +255,7 @@ def test_a_tip_follows_a_jumping_target_within_speed_and_acceleration(square, sp
     for k in range(8000):
         if k % 500 == 0 and k < 2500:
             target = square.waypoints[0] + random.normal(0.0, 0.3, 3)
-            follower.set_target(target, turned(random.normal(0.0, 1.0, 3))[0])
+            follower.set_path(Preview([0.0], [target], turned(random.normal(0.0, 1.0, 3))))
         positions.append(follower.reference(x, k * T, EYE).x_d)
     v = np.diff(positions, axis=0) / T
     a = np.diff(v, axis=0) / T
@@ -263,3 +264,127 @@ def test_a_tip_follows_a_jumping_target_within_speed_and_acceleration(square, sp
     to_go = np.linalg.norm(target - positions[3500:], axis=1)
     assert to_go[-1] < square.tolerance
     assert np.diff(to_go).max() < 1e-9  # it does not overshoot
+
+
+# --- paths from others ----------------------------------------------------------------------------
+
+
+def policy(t: np.ndarray) -> Preview:
+    """What a learned policy has for these times: no faster than 0.11 m/s, nor 0.2 m/s^2."""
+    x = np.column_stack((0.4 + 0.05 * np.sin(2.0 * t), 0.05 * np.cos(2.0 * t), 0.5 + 0.03 * t))
+    return Preview(t, x, turned(*np.column_stack((0.3 * np.sin(2.0 * t), 0.1 * t, 0.0 * t))))
+
+
+def resting(task: WaypointTask, path: Preview) -> TargetFollower:
+    """A follower at rest at the first pose of a path."""
+    R = path.rotations[0].reshape(3, 3)
+    return TargetFollower(task, path.positions[0], R, np.zeros(6), speed=0.2)
+
+
+def ideally(follower: TargetFollower, ts: np.ndarray, piece: Any = None) -> list[Reference]:
+    """References of a tip without an error, which takes a piece of a path, if any, at each time."""
+    references = []
+    x = np.zeros(3)
+    R = EYE
+    for t in ts:
+        reference = follower.reference(x, t, R)
+        reference = follower.reference(reference.x_d, t, reference.R_d)
+        references.append(reference)
+        if piece and (path := piece(t)):
+            follower.set_path(path)
+    return references
+
+
+def test_the_tip_is_at_each_pose_of_a_path_at_its_time_and_at_rest_at_the_end(square):
+    path = policy(np.array((0.2, 0.3, 0.34, 0.5, 0.55, 0.7)))
+    follower = resting(square, path)
+    follower.set_path(path)
+    references = ideally(follower, path.times)
+    assert column(references, 'x_d') == pytest.approx(path.positions, abs=1e-9)
+    assert column(references, 'R_d').reshape(-1, 9) == pytest.approx(path.rotations, abs=1e-9)
+    assert references[-1].dx == pytest.approx(np.zeros(6), abs=1e-9)
+    assert column(references, 'finished').tolist() == [False] * 5 + [True]
+
+
+def test_velocity_and_acceleration_of_a_path_are_continuous_at_its_poses(square):
+    path = policy(np.array((0.0, 0.1, 0.14, 0.3, 0.4)))
+    follower = resting(square, path)
+    follower.set_path(path)
+    h = 1e-5
+    around = [each + k * h for each in path.times[1:] for k in (-2, -1, 0, 1, 2)]
+    dx = column(ideally(follower, np.array(around)), 'dx').reshape(4, 5, 6)
+    accelerations = np.diff(dx, axis=1) / h
+    # They change by the jerk times h: 60 / (0.04 s)^3 times some 4 mm, and as much of the turns
+    assert np.abs(np.diff(accelerations, axis=1)).max() < 0.1
+    differences = np.diff(column(ideally(follower, np.arange(0.0, 0.4, T)), 'x_d'), axis=0) / T
+    assert np.abs(differences).max() < 0.3
+
+
+@pytest.mark.parametrize('rate', [10.0, 25.0, 60.0])
+@pytest.mark.parametrize('noise', [0.0, 0.005])  # [m] between a piece and the next
+def test_overlapping_pieces_of_a_path_make_no_step_of_position_or_velocity(square, rate, noise):
+    random = np.random.default_rng(5)
+    follower = resting(square, policy(np.zeros(1)))
+    due = [0.0]
+
+    def piece(t: float) -> Preview | None:
+        if t < due[0]:
+            return None
+        due[0] += 1.0 / rate
+        path = policy(np.ceil(t / 0.02 + random.uniform(-3.0, 3.0)) * 0.02 + 0.02 * np.arange(25))
+        moved = path.positions + random.normal(0.0, noise, 3)
+        return Preview(path.times - t, moved, path.rotations.reshape(-1, 3, 3))
+
+    references = ideally(follower, np.arange(0.0, 3.0, T), piece)[2000:]
+    x = column(references, 'x_d')
+    v = np.diff(x, axis=0) / T
+    # Of the policy 0.2 m/s^2; of the follower 1 m/s^2 for each piece that is elsewhere
+    assert np.linalg.norm(np.diff(v, axis=0), axis=1).max() / T < (1.25 if noise else 0.21)
+    expected = policy(np.arange(2.0, 3.0, T))
+    assert np.abs(x - expected.positions).max() < 4.0 * noise + 1e-5
+    if not noise:
+        turns = column(references, 'R_d').reshape(-1, 9)
+        assert turns == pytest.approx(expected.rotations, abs=1e-4)
+
+
+def test_a_piece_that_begins_elsewhere_is_joined_at_no_more_than_the_speed(square):
+    follower = resting(square, policy(np.zeros(1)))
+    times = 0.02 * np.arange(100)
+    follower.set_path(policy(times))
+
+    def piece(t: float) -> Preview | None:
+        if t != 0.6:
+            return None
+        path = policy(0.6 + times)
+        above = path.positions + np.array((0.0, 0.0, 0.2))
+        return Preview(path.times - 0.55, above, path.rotations.reshape(-1, 3, 3))
+
+    ts = np.round(np.arange(0.0, 2.2, T), 6)
+    x = column(ideally(follower, ts, piece), 'x_d')
+    v = np.diff(x, axis=0) / T
+    assert np.linalg.norm(v, axis=1).max() < 0.11 + 0.2 * (1.0 + 1e-3)
+    assert np.linalg.norm(np.diff(v[300:], axis=0), axis=1).max() / T < 1.25
+    assert np.linalg.norm(x[-1] - policy(ts[-1:] - 0.05).positions - (0.0, 0.0, 0.2)) < 0.005
+
+
+def test_the_preview_is_the_path_that_is_known_beyond_the_horizon_of_any_law(square):
+    path = policy(0.05 * np.arange(101))
+    follower = resting(square, path)
+    follower.set_path(path)
+    preview = follower.preview(0.0, 10.2)
+    assert preview.times[-1] >= 10.2
+    known = preview.times <= 5.0
+    expected = policy(preview.times[known])
+    assert preview.positions[known][2:] == pytest.approx(expected.positions[2:], abs=1e-3)
+    assert preview.positions[~known] == pytest.approx(
+        np.tile(path.positions[-1], ((~known).sum(), 1)), abs=1e-9
+    )
+
+
+def test_the_orientation_stays_one_however_many_targets_come(square):
+    random = np.random.default_rng(7)
+    follower = resting(square, policy(np.zeros(1)))
+    for k in range(500):
+        R = follower.reference(square.waypoints[0], 0.016 * k, EYE).R_d
+        follower.set_target(random.normal(0.0, 0.3, 3), turned(random.normal(0.0, 0.3, 3))[0])
+    assert R @ R.T == pytest.approx(EYE, abs=1e-12)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel, load_task
+from redres_ros import Preview, RobotModel, load_task
+from redres_ros.errors import RedresError
 from redres_ros.geometry import rotation_matrix
 from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.planning.goals import Goal, Goals, GoalSettings
@@ -215,10 +216,27 @@ def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     model = RobotModel.named('lwr4_paper')
     for task_space, size in (('pose', 0.3), ('position', 0.1)):
         goals = Goals(model, TASK, GoalSettings(target_speed=0.2), task_space)
-        make_planner = goals.target(x, R, TASK.start).make_planner
+        make_planner = goals.target(x, R).make_planner
         assert make_planner is not None
         planner = make_planner(HOME, np.eye(3))
         assert planner.time_left(0.0) == pytest.approx(15.0 / 8.0 * size / 0.2)
+
+
+@pytest.mark.parametrize(
+    ('times', 'size', 'words'),
+    [
+        ((-1.0, -0.5), 0.0, 'end of the path is -0.5; allowed: 0 to 60'),
+        ((1.0, 70.0), 0.0, 'end of the path is 70.0; allowed: 0 to 60'),
+        ((0.0, 59.0), 9.0, 'distance from the first joint'),
+        ((0.0, 0.5), 0.11, 'speed of the path is 0.22; allowed: 0 to 0.2'),
+    ],
+)
+def test_a_path_of_another_time_or_out_of_reach_or_too_fast_is_refused(times, size, words) -> None:
+    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
+    with pytest.raises(RedresError, match=words):
+        goals.path(
+            Preview(times, np.stack((HOME, HOME + np.array((0.0, 0.0, size))))), Arm().run.cycles
+        )
 
 
 def homing(*, then: bool = True) -> Goal:

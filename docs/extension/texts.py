@@ -11,6 +11,7 @@ TOPICS = {
     'forward_position_controller/commands': 'the same reference for ros2_control, '
     'with `robot_interface: ros2_control`',
     'target_pose': 'target of a smooth path, in place of the task',
+    'target_path': 'poses, each with its stamp; replaces the rest of the last one',
     'wrench': 'force and moment that the environment exerts on the tip, along the axes of the tip',
     'external_torques': 'torques that the environment exerts on the joints (`effort`)',
     'markers': 'for RViz: the paths of tip and elbow, the points of the task, obstacles',

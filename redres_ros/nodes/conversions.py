@@ -27,6 +27,7 @@ from redres_ros.types import (
 )
 
 _UNTURNED = np.eye(3)
+_MOST_POSES = 1000  # of a path
 
 
 class EncodingError(RedresError):
@@ -126,19 +127,19 @@ class JointMapper:
 
 
 def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, Rotation]:
-    """Position and orientation of a target_pose in one of the frames.
+    """Position and orientation of a pose in one of the frames.
 
     A quaternion of any length but 0 counts by its direction. Raises RedresError for another frame,
     NaN or infinity.
     """
-    _check_frame('target_pose', message.header.frame_id, frames)
+    _check_frame(message.header.frame_id, frames)
     position = message.pose.position
     turn = message.pose.orientation
     x = np.array((position.x, position.y, position.z))
     direction = np.array((turn.x, turn.y, turn.z, turn.w))
     size = math.hypot(*direction)
     if not (np.isfinite(x).all() and 0.0 < size < np.inf):
-        raise ArrayError(f'target_pose is {x.tolist()}, {direction.tolist()}; expected a pose')
+        raise ArrayError(f'its values are {x.tolist()}, {direction.tolist()}; expected a pose')
     return x, from_quaternion(direction)
 
 
@@ -168,9 +169,13 @@ def to_path(stamp: Nanoseconds, frame: str, preview: Preview) -> Path:
 def from_path(message: Path, frames: Collection[str], turns: bool) -> Preview:
     """The path to come as seen from the stamp of its header, with orientations if they count.
 
-    Raises RedresError as from_pose(), and for stamps that do not increase.
+    Raises RedresError as from_pose(), and for no poses, too many, or stamps that do not increase.
     """
-    _check_frame('planner/preview', message.header.frame_id, frames)
+    count = len(message.poses)
+    if not 0 < count <= _MOST_POSES:
+        raise ArrayError(f'{count} poses; allowed: 1 to {_MOST_POSES}')
+    for frame in {message.header.frame_id, *(each.header.frame_id for each in message.poses)}:
+        _check_frame(frame, frames)
     begin = to_nanoseconds(message.header.stamp)
     times = [(to_nanoseconds(each.header.stamp) - begin) / NANOSECONDS for each in message.poses]
     points = [each.pose.position for each in message.poses]
@@ -178,10 +183,10 @@ def from_path(message: Path, frames: Collection[str], turns: bool) -> Preview:
     rotations = None
     if turns:
         rotations = np.array([from_pose(each, frames)[1] for each in message.poses])
-    return Preview(np.array(times), positions.reshape(-1, 3), rotations)
+    return Preview(np.array(times), positions, rotations)
 
 
-def _check_frame(what: str, frame: str, frames: Collection[str]) -> None:
+def _check_frame(frame: str, frames: Collection[str]) -> None:
     if frame not in frames:
         allowed = ', '.join(map(repr, frames))
-        raise RedresError(f'{what} is in {frame!r}; allowed: {allowed}')
+        raise RedresError(f'it is in {frame!r}; allowed: {allowed}')

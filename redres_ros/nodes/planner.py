@@ -18,6 +18,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes import topics
 from redres_ros.nodes.conversions import (
     JointMapper,
+    from_path,
     from_pose,
     to_joint_state,
     to_nanoseconds,
@@ -42,7 +43,7 @@ from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation
 
 _Begin = Callable[[], str]
 
-_PREVIEWED = 2.2  # [s] that are published of the path to come
+_PREVIEWED = 10.2  # [s] that are published of the path to come: the longest horizon of a law
 _PREVIEW_PERIOD = 0.1  # [s]
 
 
@@ -108,6 +109,7 @@ class PlannerNode(ManagedNode):
         subscribe(String, topics.ACTIVE_LIMITS, self._on_limits, NEWEST)
         subscribe(String, topics.REASON, self._on_stop_reason, LATCHED)
         subscribe(PoseStamped, 'target_pose', self._on_target, PUBLISH)
+        subscribe(Path, 'target_path', self._on_path, PUBLISH)
         begins = {'planner/start': self._start_task, 'planner/home': self._go_home}
         for service, begin in begins.items():
             self.create_service(Trigger, service, partial(self._respond, service, begin))
@@ -200,11 +202,18 @@ class PlannerNode(ManagedNode):
         with self._diagnostics.judging('target_pose'):
             x, R = from_pose(message, (self._frame, ''))
             self._check_ready()
-            q = self._measured()
-            if self._run.state is TaskState.HOMING:
-                raise GoalError('the joints are moving to the start; planner/stop ends that')
+            self._measured()
             check_age(to_nanoseconds(message.header.stamp), self._run.cycles, time.time_ns())
-            self._begin_goal(self._goals.target(x, R, q))
+            self._begin_goal(self._goals.target(x, R))
+
+    def _on_path(self, message: Path) -> None:
+        with self._diagnostics.judging('target_path'):
+            cycles = self._run.cycles
+            message.header.stamp = to_time(cycles.newest)  # from where its times are counted
+            path = from_path(message, (self._frame, ''), self._settings.task_space == 'pose')
+            self._check_ready()
+            self._measured()
+            self._begin_goal(self._goals.path(path, cycles))
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         was_running = self._run.state in UNDER_WAY
@@ -264,6 +273,8 @@ class PlannerNode(ManagedNode):
             raise GoalError('the controller is inactive; activate it first')
 
     def _begin_goal(self, goal: Goal) -> None:
+        if goal.redirect and self._run.state is TaskState.HOMING:
+            raise GoalError('the joints are moving to the start; planner/stop ends that')
         self._run.begin(goal)
         self._publish_state()
 

@@ -1,28 +1,34 @@
-"""Goals of the arm: a task, a target pose, or the start of a task."""
+"""Goals of the arm: a task, poses from others, or the start of a task."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
 from redres_ros.errors import RangeError, RedresError
-from redres_ros.geometry import PEAK_SPEED
-from redres_ros.kernels.tick import rotation_error
-from redres_ros.loop.cycle_counter import CycleCounter
+from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import Planner, TargetFollower, pose_distance
+from redres_ros.planning.planner import Planner, TargetFollower, top_speed
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation, Seconds, TaskVelocity
+from redres_ros.types import (
+    JointPositions,
+    Nanoseconds,
+    Points,
+    Position,
+    Rotation,
+    Seconds,
+    TaskVelocity,
+)
 
-_SHORTEST = 0.5  # [s] that a motion takes at least
+_FARTHEST = 60.0  # [s] that the end of a target_path may be ahead
+_ROUNDING = 1e-9  # of its speed
 _TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
 
-_Redirect = Callable[
-    [Planner | TargetFollower, Position, Rotation, TaskVelocity, Seconds], TargetFollower
-]
+_Source = Planner | TargetFollower | None
+_Redirect = Callable[[_Source, Position, Rotation, TaskVelocity, Seconds], TargetFollower]
 
 
 class GoalError(RedresError):
@@ -34,7 +40,8 @@ class Goal:
     """A goal: a joint motion, then a path of the tip; either may be None."""
 
     make_path: Callable[[JointPositions], JointPath | None] | None = None  # None if q is at its end
-    make_planner: Callable[[Position, Rotation], Planner] | None = None  # for a tip at x and R
+    # for a tip at rest at x and R
+    make_planner: Callable[[Position, Rotation], Planner | TargetFollower] | None = None
     # leads a tip that moves already at x and R with dx, at a time of the task, without a stop
     redirect: _Redirect | None = None
     goes_on: bool = False  # after a hold or a stop; if not, the first interruption ends it
@@ -58,8 +65,8 @@ class GoalSettings:
     )
     target_speed: float = param(
         0.2,
-        'largest speed towards a target_pose, and the largest that feedback may add to a task '
-        '[m/s]',
+        'largest speed towards a target_pose and between the poses of a target_path, and the '
+        'largest that feedback may add to a task [m/s]',
         1e-3,
         10.0,
     )
@@ -100,55 +107,52 @@ class Goals:
         """The path of the joints to the start of the task; None at the start."""
         return path_to(self._model, q, self._task.start)
 
-    def target(self, x: Position, R: Rotation, q: JointPositions) -> Goal:
-        """The tip in a straight line to a pose, with the joints at q now. Raises RangeError for a
-        pose out of reach, or so far away that it would take hours.
-        """
-        _check_reach(self._model, x)
+    def target(self, x: Position, R: Rotation) -> Goal:
+        """The tip to a pose. Raises RangeError for a pose out of reach."""
+        _check_reach(self._model, x[None])
         R_end = R if self._turns else None
-        self._straight_line(x, R_end, *self._model.tip(q))
+        return self._to_poses(lambda follower: follower.set_target(x, R_end))
+
+    def path(self, path: Preview, cycles: CycleCounter) -> Goal:
+        """The tip along a path whose times count from the newest state. Raises RangeError for poses
+        out of reach or too far apart, and for a path of another time.
+        """
+        begin = cycles.newest
+        if not 0.0 < path.times[-1] <= _FARTHEST:
+            why = "s after the robot's newest state, and not before it"
+            raise RangeError('the end of the path', float(path.times[-1]), 0.0, _FARTHEST, why)
+        _check_reach(self._model, path.positions)
+        fastest = top_speed(path)
+        if fastest > self._settings.target_speed * (1.0 + _ROUNDING):
+            why = 'target_speed, m/s from a pose to the next; a turn of 1 rad counts 0.1 m'
+            raise RangeError('speed of the path', fastest, 0.0, self._settings.target_speed, why)
+        return self._to_poses(
+            lambda follower: follower.set_path(path.after((cycles.newest - begin) / NANOSECONDS))
+        )
+
+    def _to_poses(self, lead: Callable[[TargetFollower], None]) -> Goal:
+        """A goal of the follower that leads the tip already, or of a new one."""
+
+        def redirect(
+            source: _Source, x: Position, R: Rotation, dx: TaskVelocity, t: Seconds
+        ) -> TargetFollower:
+            if not isinstance(source, TargetFollower):
+                start = R if self._turns else None
+                speed = self._settings.target_speed
+                source = TargetFollower(self._task, x, start, dx, t, speed=speed)
+            lead(source)
+            return source
+
         return Goal(
-            make_planner=partial(self._straight_line, x, R_end),
-            redirect=partial(self._redirected, x, R_end),
+            make_planner=lambda x, R: redirect(None, x, R, np.zeros(6), 0.0),
+            redirect=redirect,
             patience=self._settings.resume_within,
         )
 
-    def _straight_line(
-        self, x_end: Position, R_end: Rotation | None, x: Position, R: Rotation
-    ) -> Planner:
-        """A segment from rest at x, R."""
-        speed = self._settings.target_speed
-        turn = None if R_end is None else rotation_error(R, R_end)
-        path = replace(
-            self._task,
-            waypoints=np.array((x, x_end)),
-            orientations=None if R_end is None else np.array((R, R_end)),
-            segment_time=max(PEAK_SPEED * pose_distance(x_end - x, turn) / speed, _SHORTEST),
-        )
-        return Planner(path, x, R, feedback_limit=speed)
 
-    def _redirected(
-        self,
-        x_end: Position,
-        R_end: Rotation | None,
-        source: Planner | TargetFollower,
-        x: Position,
-        R: Rotation,
-        dx: TaskVelocity,
-        t: Seconds,
-    ) -> TargetFollower:
-        """The follower that leads the tip already, or a new one, with another target."""
-        if not isinstance(source, TargetFollower):
-            start = R if self._turns else None
-            speed = self._settings.target_speed
-            source = TargetFollower(self._task, x, start, dx, t, speed=speed)
-        source.set_target(x_end, R_end)
-        return source
-
-
-def _check_reach(model: RobotModel, x: Position) -> None:
-    """Refuse a point that is farther from the first joint than all links in one line, with linear
-    joints at their longest. Raises RangeError.
+def _check_reach(model: RobotModel, points: Points) -> None:
+    """Refuse points beyond all links in one line, with linear joints at their longest. Raises
+    RangeError.
     """
     length = model.reach
     kinematics = model.kinematics
@@ -156,7 +160,7 @@ def _check_reach(model: RobotModel, x: Position) -> None:
         if kinematics.joints[index].is_prismatic:
             length += float(max(abs(model.q_min[index]), abs(model.q_max[index])))
     first = kinematics.joints[kinematics.leading[0]]
-    distance = float(np.linalg.norm(x - first.before[:3, 3]))
+    distance = float(np.linalg.norm(points - first.before[:3, 3], axis=1).max())
     if not distance <= length:
         raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
 

@@ -1,35 +1,47 @@
 """What leads the tip: along the points of a task in quintic segments (36) with feedback (37), or to
-a target that changes while the tip moves. For the position alone or together with the orientation.
+poses that change while the tip moves. For the position alone or together with the orientation.
 """
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.geometry import quintic, quintics, rotation_matrix
+from redres_ros.geometry import (
+    PEAK_ACCELERATION,
+    PEAK_SPEED,
+    quintic,
+    quintics,
+    rotation_matrix,
+)
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preview import Preview
 from redres_ros.types import (
     Meters,
+    Points,
     Position,
     Rotation,
     RotationVector,
     Seconds,
     TaskVelocity,
+    Times,
     Velocity,
 )
 
 _LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
-PREVIEW_STEP = 0.05  # [s] between the poses of a preview
+_AHEAD = np.append(np.arange(0.0, 2.2, 0.05), np.arange(2.2, 13.0, 0.2))  # [s] of a preview
 
-# A target that changes
+# Poses that change
+_UNTURNED = np.eye(3)
+_SHORTEST = 0.5  # [s] that a motion from rest takes at least
+_STILL = 1e-4  # [m/s], [rad/s]
 _ACCELERATION = 1.0  # [m/s^2]
 _GAIN = 3.0  # [1/s] speed for a distance near a target
 _DAMPING = 4.0  # times the gain: both poles are at -2 gain
@@ -57,7 +69,7 @@ class Reference(NamedTuple):
         if self.orientation_error is not None:
             angle = np.linalg.norm(self.orientation_error)
             words = f'turned by {angle:.3g} rad, and {words}'
-        return pose_distance(self.error, self.orientation_error), f'the tip is {words}'
+        return _pose_distance(self.error, self.orientation_error), f'the tip is {words}'
 
 
 class Planner:
@@ -93,7 +105,8 @@ class Planner:
         if task.orientations is not None:
             R = task.orientations[0] if R_start is None else R_start
             self._turns = np.concatenate((R[None], task.orientations))
-        approach, *sizes = map(self._size, range(task.segments + 1))  # [m]
+        turns = () if self._turns is None else self._turns
+        approach, *sizes = _lengths(self._points, turns)
         time = 0.0
         if approach > _START_TOLERANCE:
             time = task.segment_time * max(approach / (max(sizes) or approach), 1.0)
@@ -148,10 +161,12 @@ class Planner:
         return Reference(twist, x_d, error, start, self._finished, R_d, turn_left)
 
     def preview(
-        self, t: Seconds, seconds: Seconds, rate: float = 1.0, step: Seconds = PREVIEW_STEP
+        self, t: Seconds, seconds: Seconds, rate: float = 1.0, step: Seconds | None = None
     ) -> Preview:
         """The path of the next seconds, for a clock that advances at a rate."""
-        times = np.arange(0.0, seconds + step, step)
+        times = _AHEAD[: np.searchsorted(_AHEAD, seconds) + 1]
+        if step:
+            times = np.arange(0.0, seconds + step, step)
         starts = self._t_segment + np.cumsum([0.0, *self._times[self._segment : -1]])
         at = t + rate * times
         segments = np.maximum(np.searchsorted(starts, at, side='right') - 1, 0)
@@ -204,26 +219,58 @@ class Planner:
             return error
         return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
-    def _size(self, segment: int) -> Meters:
-        A = self._points[segment]
-        B = self._points[segment + 1]
-        turn = None
-        if self._turns is not None:
-            turn = rotation_error(self._turns[segment], self._turns[segment + 1])
-        return pose_distance(B - A, turn)
+
+class _Path:
+    """Poses (N,) at times of the task, with orientations (N, 3, 3) or (0, 3, 3): quintic between
+    them, velocities and accelerations by their neighbours, and at rest at both ends.
+    """
+
+    def __init__(self, times: Times, positions: Points, rotations: np.ndarray) -> None:
+        self.times = times
+        self.positions = positions
+        self.rotations = rotations
+        turns = [rotation_error(rotations[0], R) for R in rotations]
+        p = np.hstack((positions, turns)) if turns else positions  # (N, 3) or (N, 6)
+        h = np.diff(times)[:, None]
+        slopes = np.diff(p, axis=0) / h
+        around = h[1:] + h[:-1]
+        v = np.zeros_like(p)
+        a = np.zeros_like(p)
+        v[1:-1] = (h[1:] * slopes[:-1] + h[:-1] * slopes[1:]) / around
+        a[1:-1] = 2.0 * np.diff(slopes, axis=0) / around
+        # Coefficients of the powers of xi; a last segment is at rest.
+        c_1 = h * v[:-1]
+        c_2 = h**2 * a[:-1] / 2.0
+        dp = np.diff(p, axis=0) - c_1 - c_2
+        dv = h * v[1:] - c_1 - 2.0 * c_2
+        da = h**2 * a[1:] / 2.0 - c_2
+        ends = (10 * dp - 4 * dv + da, -15 * dp + 7 * dv - 2 * da, 6 * dp - 3 * dv + da)
+        self._c = np.zeros((6, *p.shape))
+        self._c[0] = p
+        self._c[1:, :-1] = c_1, c_2, *ends
+        self._h = np.append(h, 1.0)
+
+    def at(self, t: Seconds) -> tuple[Position, Rotation | None, TaskVelocity]:
+        """Pose and velocity; the first pose before its time, the last one after it."""
+        k = max(int(np.searchsorted(self.times, t, side='right')) - 1, 0)
+        xi = min(max((t - self.times[k]) / self._h[k], 0.0), 1.0)
+        powers = xi ** np.arange(6)
+        p = powers.dot(self._c[:, k])
+        dp = (np.arange(1, 6) * powers[:5]).dot(self._c[1:, k]) / self._h[k]
+        if not len(self.rotations):
+            return p, None, dp
+        e = 1e-4 * dp[3:]  # for the angular velocity by the central difference
+        dp[3:] = rotation_error(rotation_matrix(p[3:] - e), rotation_matrix(p[3:] + e)) / 2e-4
+        return p[:3], rotation_matrix(p[3:]).dot(self.rotations[0]), dp
 
 
 class TargetFollower:
-    """A point mass that is drawn to a target, with limited speed and acceleration.
+    """A point mass on a path, drawn to it with limited speed and acceleration if it is beside.
 
-    Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
-    takes a straight line; near the target it is a critically damped spring. Only the target itself
-    ends the motion. At first it is where the tip is, and the mass goes on with its task velocity
-    dx.
-
-    Args:
-        task: Has the feedback gain and the tolerances.
-        speed: Largest one, also of what feedback adds [m/s]; a turn is ten times as fast.
+    Nothing of it jumps with the path: a new one changes the acceleration alone. Near the path it is
+    a critically damped spring. Only the end of the path ends the motion. At first that is where the
+    tip is, and the mass goes on with its task velocity dx. `speed` is the largest towards the path,
+    and of what feedback adds [m/s]; a turn is ten times as fast.
     """
 
     def __init__(
@@ -241,15 +288,46 @@ class TargetFollower:
         self._feedback = partial(_feedback, task.feedback_gain, speed)
         self._x = x
         self._R = R
-        self._v = dx[:3]
-        self._w = dx[3:]
+        self._dx = dx if R is not None else dx[:3]
         self._t = t
-        self.set_target(x, R)
+        self._is_there = True
+        self._turn = _UNTURNED
+        self._w = self._v = self._offset = np.zeros(3)
+        self._lead(self._at_rest())
 
     def set_target(self, x: Position, R: Rotation | None) -> None:
-        """Go to another pose from here on."""
-        self._x_end = x
-        self._R_end = R
+        """Go to a pose: from rest in one quintic, else as soon as possible."""
+        turns = () if R is None or self._R is None else (self._R, R)
+        points = np.stack((self._x, x))
+        [distance] = _lengths(points, turns)
+        time = max(PEAK_SPEED * distance / self._speed, _SHORTEST)
+        begin = 0.0 if self._is_there and np.linalg.norm(self._dx) < _STILL else -time
+        times = np.array((begin, begin + time))
+        self.set_path(Preview(times, points, np.array(turns) if turns else None))
+
+    def set_path(self, path: Preview) -> None:
+        """Pass poses, each at its time from now on. Before the first one the old path goes on, and
+        leads there; if that is too fast, the old path is moved there and draws the mass along.
+        """
+        old = self._path if self._t < self._path.times[-1] else self._at_rest()
+        times = self._t + path.times
+        begin = times[0]
+        apart = np.diff(times[:2]).sum() / 2.0  # from the first new pose
+        count = int(np.searchsorted(old.times, begin - apart))  # of the old ones that stay
+        now = int(np.searchsorted(old.times, self._t))
+        stay = slice(max(min(now, count) - 2, 0), count)  # those before do not matter any more
+        x, R, _ = old.at(begin)
+        positions = old.positions[stay]
+        rotations = old.rotations[stay]
+        new = path.rotations.reshape(-1, 3, 3)
+        [distance] = _lengths(np.stack((x, path.positions[0])), () if R is None else (R, new[0]))
+        h = begin - old.times[stay][-1] if count else 0.0
+        if distance > h * min(self._speed / PEAK_SPEED, _ACCELERATION * h / PEAK_ACCELERATION):
+            positions = positions + (path.positions[0] - x)
+            rotations = rotations if R is None else _between(R, new[0]) @ rotations
+        x_all = np.concatenate((positions, path.positions))
+        R_all = np.concatenate((rotations, new))
+        self._lead(_Path(np.append(old.times[stay], times), x_all, R_all))
 
     def reference(
         self,
@@ -261,40 +339,68 @@ class TargetFollower:
         rate: float = 1.0,
     ) -> Reference:
         """As of Planner; what is unachieved does not count."""
-        dt = max(t - self._t, 0.0)
-        self._t = t
-        self._v = self._next_velocity(self._x_end - self._x, self._v, dt, 1.0)
-        self._x = self._x + dt * self._v
+        self._advance(t)
         error = self._x - x
-        dx = rate * self._v + self._feedback(error)  # Eq. (37)
-        is_there = _is_short(self._x_end - x, self._task.tolerance)
-        if R is None or self._R is None or self._R_end is None:
-            return Reference(dx, self._x, error, 1, is_there)
-        turn = rotation_error(self._R, self._R_end)
-        self._w = self._next_velocity(turn, self._w, dt, 1.0 / _LEVER)
-        self._R = rotation_matrix(dt * self._w).dot(self._R)
-        turn_left = rotation_error(R, self._R)
-        twist = np.concatenate((dx, rate * self._w + self._feedback(turn_left)))
-        is_there &= _is_short(rotation_error(R, self._R_end), self._task.orientation_tolerance)
-        return Reference(twist, self._x, error, 1, is_there, self._R, turn_left)
+        dx = rate * self._dx[:3] + self._feedback(error)  # Eq. (37)
+        end = self._path
+        is_there = t >= end.times[-1] and _is_short(end.positions[-1] - x, self._task.tolerance)
+        turn_left = None
+        if R is not None and self._R is not None:
+            turn_left = rotation_error(R, self._R)
+            dx = np.concatenate((dx, rate * self._dx[3:] + self._feedback(turn_left)))
+            turn = rotation_error(R, end.rotations[-1])
+            is_there = is_there and _is_short(turn, self._task.orientation_tolerance)
+        self._is_there = is_there
+        return Reference(dx, self._x, error, 1, is_there, self._R, turn_left)
 
     def preview(self, t: Seconds, seconds: Seconds, rate: float = 1.0) -> Preview:
         """As of Planner, by the motion of a copy."""
         ahead = copy(self)
-        times = np.arange(0.0, seconds + PREVIEW_STEP, PREVIEW_STEP)
-        places = [ahead.reference(ahead._x, t + rate * each, ahead._R) for each in times]
-        positions = np.array([each.x_d for each in places])
-        if self._R is None:
-            return Preview(times, positions)
-        return Preview(times, positions, np.array([each.R_d for each in places]))
+        times = _AHEAD[: np.searchsorted(_AHEAD, seconds) + 1]
+        poses = []
+        for each in times:
+            ahead._advance(t + rate * each)
+            poses.append((ahead._x, ahead._R))
+        x, R = map(np.array, zip(*poses, strict=True))
+        return Preview(times, x, None if self._R is None else R)
 
     def time_left(self, t: Seconds) -> Seconds:
-        """About how long the motion still takes, whatever the time; 0 beside the target."""
-        turn = None
-        if self._R is not None and self._R_end is not None:
-            turn = rotation_error(self._R, self._R_end)
-        left = pose_distance(self._x_end - self._x, turn)
-        return left / self._speed if left > self._task.tolerance else 0.0
+        """About how long the motion still takes; 0 beside the end."""
+        turn = rotation_error(self._turn, _UNTURNED) if self._R is not None else None
+        beside = _pose_distance(self._offset, turn)
+        left = beside / self._speed if beside > self._task.tolerance else 0.0
+        return max(left, self._path.times[-1] - t)
+
+    def _advance(self, t: Seconds) -> None:
+        """Let the mass move until a time."""
+        dt = max(t - self._t, 0.0)
+        self._t = t
+        self._x, self._R, self._dx = self._path.at(t)
+        self._v = self._next_velocity(-self._offset, self._v, dt, 1.0)
+        self._offset = self._offset + dt * self._v
+        self._x = self._x + self._offset
+        self._dx[:3] += self._v
+        if self._R is not None:
+            to_path = rotation_error(self._turn, _UNTURNED)
+            self._w = self._next_velocity(to_path, self._w, dt, 1.0 / _LEVER)
+            self._turn = rotation_matrix(dt * self._w).dot(self._turn)
+            self._R = self._turn.dot(self._R)
+            self._dx[3:] = self._w + self._turn.dot(self._dx[3:])
+
+    def _at_rest(self) -> _Path:
+        """Where the mass is."""
+        rotations = np.empty((0, 3, 3)) if self._R is None else self._R[None]
+        return _Path(np.array([self._t]), self._x[None], rotations)
+
+    def _lead(self, path: _Path) -> None:
+        """Take another path; the mass keeps its pose and its velocity."""
+        self._path = path
+        x, R, dx = path.at(self._t)
+        self._offset = self._x - x
+        self._v = self._dx[:3] - dx[:3]
+        if R is not None and self._R is not None:
+            self._turn = _between(R, self._R)
+            self._w = self._dx[3:] - self._turn.dot(dx[3:])
 
     def _next_velocity(
         self, offset: np.ndarray, v: Velocity, dt: Seconds, scale: float
@@ -312,10 +418,27 @@ class TargetFollower:
         return v + change / max(excess, 1.0)
 
 
-def pose_distance(line: Position, turn: RotationVector | None) -> Meters:
+def _pose_distance(line: Position, turn: RotationVector | None) -> Meters:
     """Length of a motion; a turn counts by its arc on a lever of 0.1 m."""
     length = float(np.linalg.norm(line))
     return length if turn is None else max(length, _LEVER * float(np.linalg.norm(turn)))
+
+
+def top_speed(path: Preview) -> float:
+    """Largest mean speed from a pose to the next [m/s]; a turn counts by its arc on a lever."""
+    lengths = _lengths(path.positions, path.rotations.reshape(-1, 3, 3))
+    return float(max(lengths / np.diff(path.times), default=0.0))
+
+
+def _lengths(positions: Points, rotations: Sequence[Rotation] | np.ndarray) -> list[Meters]:
+    """From each pose to the next; without rotations of the positions alone."""
+    turns = [rotation_error(A, B) for A, B in pairwise(rotations)]
+    return list(map(_pose_distance, np.diff(positions, axis=0), turns or repeat(None)))
+
+
+def _between(A: Rotation, B: Rotation) -> Rotation:
+    """The turn from A to B; of B A' the rounding errors would double with each new path."""
+    return rotation_matrix(rotation_error(A, B))
 
 
 def _feedback(gain: float, limit: float, error: np.ndarray) -> np.ndarray:

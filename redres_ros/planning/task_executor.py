@@ -189,7 +189,7 @@ class TaskExecutor:
 
     @property
     def progress(self) -> float:
-        """The fraction of the tip's path that is over, 0 to 1; 0 towards changing targets."""
+        """The fraction of the tip's path that is over, 0 to 1; 0 towards poses from others."""
         if self.state is TaskState.FINISHED:
             return 1.0
         source = self._execution and self._execution.source
