@@ -75,11 +75,6 @@ class FakeRobot:
         self.reference = plant.q  # where the plant was sent last; a new array in each cycle
         self._course = _Course(-1, plant.q)
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether the reference stands still."""
-        return not self._interpolator.step.any()
-
     def advance(self, *commands: ClientCommand) -> None:
         """Move from tick k to k + 1, by the commands that came since, in the order of their ticks.
 
@@ -113,7 +108,7 @@ class FakeRobot:
             self.session.record(self.tick - 1 - commands[-1].tick, commands[-1].latency)
         else:
             self.session.record(None)
-        if not (self.session.ready and self.at_rest):
+        if not self.session.ready or self._interpolator.step.any():
             return
         first = self._course.q
         self.session.offer(float(np.abs(first - self.reference).max()))
