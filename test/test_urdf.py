@@ -339,6 +339,14 @@ def test_the_start_is_one_that_the_efforts_hold():
     assert 'gravity takes ' in ' '.join(arm.remarks())
 
 
+def test_a_start_that_efforts_just_hold_is_taken_where_none_leaves_a_margin():
+    model = RobotModel(arm_from_urdf(ARMS['fr3'].urdf, 'tool0'))
+    efforts = 0.125 * model.tau_max
+    arm = arm_from_urdf(ARMS['fr3'].urdf, 'tool0', effort_limit=tuple(efforts.tolist()))
+    gravity = model.state(np.array(arm.start), np.zeros(7)).gravity
+    assert 0.8 < np.abs(gravity / efforts).max() < 1.0
+
+
 def test_where_the_middle_of_the_ranges_is_well_conditioned_it_is_the_start():
     limits = JointLimits.of(ARMS['fr3'])  # bent there, other than arms that are straight at zero
     start = arm_from_urdf(ARMS['fr3'].urdf, 'tool0').start

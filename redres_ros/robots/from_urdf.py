@@ -85,7 +85,10 @@ def arm_from_urdf(
         )
     start, load = _start(kinematics)
     if load > 1.0:
-        assumptions.append(f"at the start gravity takes {load:.0%} of a joint's effort")
+        assumptions.append(
+            f"at the start gravity takes {load:.0%} of a joint's effort, and no start was found "
+            'that the efforts hold; correct them, or name a task with another start'
+        )
     return replace(
         arm,
         elbow_frame=elbow_frame,
@@ -145,7 +148,8 @@ def _start(kinematics: Kinematics) -> tuple[JointPositions, float]:
     weight = np.array([pin.computeGeneralizedGravity(model, data, q) for q in postures])
     load = (np.abs(weight) / model.effortLimit).max(axis=1)
     bent = np.count_nonzero(bends, axis=1)
-    best = np.lexsort((-tips[:, 0] - tips[:, 2], bent, is_poor, load > _HOLDING))[0]
+    unheld = np.digitize(load, (_HOLDING, 1.0))  # 0, 1 or 2: held with a margin, held, not
+    best = np.lexsort((-tips[:, 0] - tips[:, 2], bent, is_poor, unheld))[0]
     return postures[best], float(load[best])
 
 
