@@ -90,6 +90,12 @@ def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
     assert out.is_file()  # how it went is what one wants to see then
 
 
+def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_path, capsys):
+    laws = ['--law', 'minimum_velocity,minimum_acceleration', '--prefer', 'posture']
+    assert main(['compare', '--task', short, *laws, '--out', str(tmp_path)]) == 0
+    assert '--prefer and --damping do not act on minimum_velocity\n' in capsys.readouterr().out
+
+
 # --- what cannot be done --------------------------------------------------------------------------
 
 REFUSED = [

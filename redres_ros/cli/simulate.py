@@ -122,6 +122,9 @@ def _compare(options: argparse.Namespace) -> int:
     print(f'every tick in {out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
+    steady = [name for name, each in motions.items() if not each.law(each.case.law).has_memory]
+    if steady and (options.prefer or options.damping is not None):
+        print(f'--prefer and --damping do not act on {", ".join(steady)}')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
