@@ -81,7 +81,7 @@ def ours(model: RobotModel, rows: list) -> dict[Key, Callable[[int], object]]:
     for law in LAWS:
         calls['no limits', law] = call(law)
     looks_ahead = Controller(model, make_law('minimum_acceleration', horizon=2.0), T)
-    path = Planner(load_task('rectangle')).preview(0.0, TICKS * T + 2.0)
+    path = Planner(load_task('rectangle')).preview(0.0, TICKS * T + 2.0, step=0.05)
     previews = [path.after(k * T) for k in range(TICKS)]
 
     def ahead(k: int) -> None:

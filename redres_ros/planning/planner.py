@@ -36,7 +36,7 @@ from redres_ros.types import (
 _LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
-_AHEAD = np.append(np.arange(0.0, 2.2, 0.05), np.arange(2.2, 13.0, 0.2))  # [s] of a preview
+_AHEAD = np.append(np.arange(0.0, 2.2, 0.05), np.arange(2.2, 13.0, 0.4))  # [s] of a preview
 
 # Poses that change
 _UNTURNED = np.eye(3)
@@ -324,7 +324,8 @@ class TargetFollower:
         h = begin - old.times[stay][-1] if count else 0.0
         if distance > h * min(self._speed / PEAK_SPEED, _ACCELERATION * h / PEAK_ACCELERATION):
             positions = positions + (path.positions[0] - x)
-            rotations = rotations if R is None else _between(R, new[0]) @ rotations
+            if R is not None:
+                rotations = rotation_matrix(rotation_error(R, new[0])) @ rotations
         x_all = np.concatenate((positions, path.positions))
         R_all = np.concatenate((rotations, new))
         self._lead(_Path(np.append(old.times[stay], times), x_all, R_all))
@@ -357,10 +358,7 @@ class TargetFollower:
         """As of Planner, by the motion of a copy."""
         ahead = copy(self)
         times = _AHEAD[: np.searchsorted(_AHEAD, seconds) + 1]
-        poses = []
-        for each in times:
-            ahead._advance(t + rate * each)
-            poses.append((ahead._x, ahead._R))
+        poses = [ahead._advance(t + rate * each) for each in times]
         x, R = map(np.array, zip(*poses, strict=True))
         return Preview(times, x, None if self._R is None else R)
 
@@ -371,8 +369,8 @@ class TargetFollower:
         left = beside / self._speed if beside > self._task.tolerance else 0.0
         return max(left, self._path.times[-1] - t)
 
-    def _advance(self, t: Seconds) -> None:
-        """Let the mass move until a time."""
+    def _advance(self, t: Seconds) -> tuple[Position, Rotation | None]:
+        """Let the mass move until a time; returns where it is then."""
         dt = max(t - self._t, 0.0)
         self._t = t
         self._x, self._R, self._dx = self._path.at(t)
@@ -386,6 +384,7 @@ class TargetFollower:
             self._turn = rotation_matrix(dt * self._w).dot(self._turn)
             self._R = self._turn.dot(self._R)
             self._dx[3:] = self._w + self._turn.dot(self._dx[3:])
+        return self._x, self._R
 
     def _at_rest(self) -> _Path:
         """Where the mass is."""
@@ -399,7 +398,8 @@ class TargetFollower:
         self._offset = self._x - x
         self._v = self._dx[:3] - dx[:3]
         if R is not None and self._R is not None:
-            self._turn = _between(R, self._R)
+            # Not R_mass R': its rounding errors would double with each new path.
+            self._turn = rotation_matrix(rotation_error(R, self._R))
             self._w = self._dx[3:] - self._turn.dot(dx[3:])
 
     def _next_velocity(
@@ -434,11 +434,6 @@ def _lengths(positions: Points, rotations: Sequence[Rotation] | np.ndarray) -> l
     """From each pose to the next; without rotations of the positions alone."""
     turns = [rotation_error(A, B) for A, B in pairwise(rotations)]
     return list(map(_pose_distance, np.diff(positions, axis=0), turns or repeat(None)))
-
-
-def _between(A: Rotation, B: Rotation) -> Rotation:
-    """The turn from A to B; of B A' the rounding errors would double with each new path."""
-    return rotation_matrix(rotation_error(A, B))
 
 
 def _feedback(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
