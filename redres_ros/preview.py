@@ -5,8 +5,10 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from redres_ros.errors import ArrayError
+from redres_ros.errors import ArrayError, reason_of
 from redres_ros.types import Points, Seconds, Times
+
+_FARTHEST = 1e6  # [m], [s]
 
 
 class Preview:
@@ -59,9 +61,12 @@ class Ahead(NamedTuple):
 
 
 def _checked(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.array(values, np.float64)
+    try:
+        array = np.array(values, np.float64, order='C')  # as compiled functions read it
+    except (TypeError, ValueError) as error:
+        raise ArrayError(f'{name} of a path: {reason_of(error)}') from None
     if array.shape != shape:
         raise ArrayError(f'{name} of a path have shape {array.shape}; expected {shape}')
-    if not np.isfinite(array).all():
-        raise ArrayError(f'{name} of a path hold NaN or infinity; every value must be finite')
+    if not (np.abs(array) <= _FARTHEST).all():
+        raise ArrayError(f'{name} of a path hold NaN, infinity or a number beyond {_FARTHEST:g}')
     return array

@@ -195,6 +195,28 @@ def test_whatever_the_path_says_the_task_is_executed_and_nothing_steps(law):
         q, dq = command.q_ref, command.dq
 
 
+def test_a_path_may_have_any_memory_order():
+    q = np.array(FR3.arm.start)
+    path = path_from(FR3, q)
+    columns = Preview(path.times, np.asfortranarray(path.positions))
+    references = [
+        Controller(FR3, AHEAD, T).update(q, np.array((0.1, 0.0, 0.0)), ahead=each).q_ref
+        for each in (path, columns)
+    ]
+    assert (references[0] == references[1]).all()
+
+
+@pytest.mark.parametrize('horizon', [1e-310, 1e-6, 0.01])
+def test_a_horizon_too_short_for_its_steps_is_none(horizon):
+    q = np.array(FR3.arm.start)
+    law = make_law('minimum_effort_ahead', horizon=horizon)
+    references = [
+        Controller(FR3, each, T).update(q, np.array((0.1, 0.0, 0.0)), ahead=path_from(FR3, q)).q_ref
+        for each in (law, GREEDY)
+    ]
+    assert (references[0] == references[1]).all()
+
+
 def test_a_plan_goes_on_from_tick_to_tick_and_ends_with_the_velocity_history():
     controller = Controller(FR3, AHEAD, T)
     q = np.array(FR3.arm.start)
@@ -227,8 +249,10 @@ def test_nodes_that_would_raise_the_merit_are_not_taken_and_the_trust_rises():
         ((0.0, 1.0), np.zeros((3, 3)), None, '(2, 3)'),
         ((0.0, 0.0), np.zeros((2, 3)), None, 'increase'),
         ((), np.zeros((0, 3)), None, 'increase'),
-        ((0.0, 1.0), np.full((2, 3), np.nan), None, 'finite'),
-        ((0.0, np.inf), np.zeros((2, 3)), None, 'finite'),
+        ((0.0, 1.0), np.full((2, 3), np.nan), None, 'NaN'),
+        ((0.0, np.inf), np.zeros((2, 3)), None, 'infinity'),
+        ((0.0, 1.0), np.full((2, 3), 1e308), None, 'beyond'),
+        ((0.0, 1.0), [(0.0, 0.0, 'x')] * 2, None, 'could not convert'),
         ((0.0, 1.0), np.zeros((2, 3)), np.eye(3), '(2, 3, 3)'),
     ],
 )

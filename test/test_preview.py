@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import Preview
@@ -54,6 +56,14 @@ def jumping(message, now):
 def test_whatever_becomes_of_previews_the_safety_filter_need_not_act(fault):
     run = motion(fault, seconds=5.0)
     assert accelerations(run).max() < 60.0  # of minimum_velocity; nothing steps
+
+
+def test_a_preview_that_takes_cycles_to_read_is_refused():
+    with virtual_run(RATE) as run:
+        run.graph.publish(TOPIC[0], Path(poses=[PoseStamped()] * 400))
+        run.run(0.5)
+        refused = [line for node, line in run.graph.log if node == 'controller']
+    assert 'bytes; allowed: 20000' in ' '.join(refused)
 
 
 def test_a_path_comes_back_from_its_message():

@@ -202,7 +202,12 @@ class _Wired(Node):
         self, msg_type: Any, topic: str, callback: Callable[..., None], qos: Any, **options: Any
     ) -> Any:
         depth = qos if isinstance(qos, int) else qos.depth
-        receiver = self.graph.listen(topic, self.get_name(), callback, depth)
+
+        def read(message: Any) -> None:
+            callback(serialize_message(message))
+
+        is_raw = options.get('raw', False)
+        receiver = self.graph.listen(topic, self.get_name(), read if is_raw else callback, depth)
         return SimpleNamespace(topic_name=topic, qos_profile=qos, receiver=receiver)
 
     def destroy_subscription(self, subscription: Any) -> bool:

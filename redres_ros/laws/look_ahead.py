@@ -38,7 +38,8 @@ _NO_EFFORT = np.empty((0, 0, 0)), np.empty((0, 0))  # R = I, r = 0
 def look_ahead(
     state: RobotState, ahead: Ahead, T: Seconds, horizon: Seconds, damping: float, *, effort: bool
 ) -> tuple[Weight, JointVelocities, _MotionPlan] | None:
-    """W, b and the plan behind them; None for a path that begins elsewhere than at the tip.
+    """W, b and the plan behind them; None for a path that begins elsewhere than at the tip, and for
+    a horizon of less than a cycle for each node.
 
     Args:
         damping: k_d, with which the motion comes to rest beyond the horizon [1/s].
@@ -49,8 +50,11 @@ def look_ahead(
     n = model.n
     K = _NODES[6 if len(path.rotations) else 3]
     h = horizon / K
+    if h <= T:
+        return None
     plan = ahead.plan or _NO_PLAN
-    if plan.horizon != horizon or len(plan.nodes) != K:  # another law's, or another task's
+    # Another law's, or another task's, or one that is over.
+    if plan.horizon != horizon or len(plan.nodes) != K or ahead.elapsed > h:
         plan = _NO_PLAN
     R, r = _effort(state, plan.nodes, K, T, h) if effort else _NO_EFFORT
     nodes = np.empty((K, n))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Path
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -52,6 +53,7 @@ from redres_ros.types import check_finite
 _Enter = Callable[[Any], Response | None]
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
+_LARGEST_PREVIEW = 20_000  # bytes, some 250 poses: reading more takes several cycles
 _POSE = 6  # rows of a pose task
 _REPEAT = 5.0  # [s] after which a warning is logged again
 
@@ -137,7 +139,7 @@ class ControllerNode(ManagedNode):
         )
         self._take('cartesian_velocity', TwistStamped, self._enter_twist)
         self._take('joint_velocity', JointState, self._enter_joint_velocity)
-        self.create_subscription(Path, topics.PREVIEW, self._on_preview, topics.NEWEST)
+        self.create_subscription(Path, topics.PREVIEW, self._on_preview, topics.NEWEST, raw=True)
         self.create_subscription(String, topics.SESSION, self._on_session, topics.LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.apply({})
@@ -183,8 +185,11 @@ class ControllerNode(ManagedNode):
         now = time.monotonic()
         return self._loop.enter_velocity(stamp, dq, now, time.time_ns(), of_joints=True)
 
-    def _on_preview(self, message: Path) -> None:
+    def _on_preview(self, data: bytes) -> None:
         with self._diagnostics.judging(topics.PREVIEW):
+            if len(data) > _LARGEST_PREVIEW:
+                raise RedresError(f'{len(data)} bytes; allowed: {_LARGEST_PREVIEW}')
+            message = deserialize_message(data, Path)
             preview = from_path(message, self._base_frames, self._rows == _POSE)
             self._loop.preview = to_nanoseconds(message.header.stamp), preview
 
