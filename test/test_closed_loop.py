@@ -11,6 +11,8 @@ import pytest
 from doubles import LateArm
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros.planning.planner import TargetFollower
+from redres_ros.preview import Preview
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
@@ -149,3 +151,17 @@ def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry
     recording = run(limited, TASK)
     assert recording.finished
     assert recording['task_error'].max() < 5e-3  # at this period
+
+
+def test_a_follower_of_arrays_leads_the_tip_through_each_pose_at_its_time():
+    task = load_task('fr3_square')
+    model = RobotModel.named('fr3')
+    x, _ = model.tip(task.start)
+    times = np.linspace(0.0, 2.0, 41)  # [s]
+    angle = np.pi * times
+    points = x + 0.02 * np.column_stack((np.cos(angle) - 1.0, np.sin(angle), 0.0 * angle))
+    follower = TargetFollower(task, x, None, np.zeros(3), 0.0, speed=1.0)
+    follower.set_path(Preview(times, points))
+    recording = run(Controller(model, 'minimum_acceleration', 0.005), task, source=follower)
+    assert recording.finished, recording.ending
+    assert np.abs(recording.vectors('x')[::10] - points[:-1]).max() < task.tolerance

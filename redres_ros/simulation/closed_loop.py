@@ -9,7 +9,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError
-from redres_ros.planning.planner import Planner
+from redres_ros.planning.planner import Planner, TargetFollower
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
@@ -56,7 +56,7 @@ def run(
     controller: Client,
     task: WaypointTask,
     *,
-    source: Planner | None = None,
+    source: Planner | TargetFollower | None = None,
     plant: IdealArm | None = None,
     lead: Seconds = 0.0,
     greedy: bool = True,
@@ -72,7 +72,8 @@ def run(
     Args:
         controller: Responds to each state; with m = 6 the orientation is part of the task.
         task: Start and points.
-        source: Where the task velocity comes from; None: a planner of the task.
+        source: Where the task velocity comes from, such as a TargetFollower with poses and their
+            times in set_path(); None: a planner of the task.
         plant: The arm; None: an ideal one.
         lead: By how much the task's time is ahead of the loop's at the start.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
