@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.profile import PROFILES
-from redres_ros.fake_robot.robot import ReferenceInterpolator
+from redres_ros.fake_robot.robot import _ReferenceInterpolator as ReferenceInterpolator
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

@@ -26,7 +26,7 @@ from redres_ros.preflight.snapshot import (
     SnapshotNode,
     StateSeen,
 )
-from redres_ros.preflight.verdicts import FAULT, NOTE, OK, ExpectedArm, Verdict, judge
+from redres_ros.preflight.verdicts import FAULT, NOTE, OK, ExpectedArm, _Verdict, judge
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -64,7 +64,7 @@ GOOD = GraphSnapshot(
 )
 
 
-def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None) -> Verdict:
+def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None) -> _Verdict:
     [verdict] = [found for found in judge(seen, wanted) if found.subject == subject]
     return verdict
 

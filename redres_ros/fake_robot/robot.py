@@ -71,7 +71,7 @@ class FakeRobot:
         self.plant = plant
         self.tick = 0  # k
         self._validator = CommandValidator(limits, plant.period, self.session.profile)
-        self._interpolator = ReferenceInterpolator(limits, plant.period, plant.q)
+        self._interpolator = _ReferenceInterpolator(limits, plant.period, plant.q)
         self.reference = plant.q  # where the plant was sent last; a new array in each cycle
         self._course = _Course(-1, plant.q)
 
@@ -118,7 +118,7 @@ class FakeRobot:
             self._validator.begin()
 
 
-class ReferenceInterpolator:
+class _ReferenceInterpolator:
     """Advances the reference of one arm from where it stands still.
 
     The reference is the command, bit for bit, as long as that keeps the velocity limits. A faster

@@ -36,7 +36,7 @@ _NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
 _CAREFUL = 0.5  # limit_scale above which a note says so
 
 
-class Verdict(NamedTuple):
+class _Verdict(NamedTuple):
     """A sentence on one subject."""
 
     level: str  # only a fault makes the check fail
@@ -47,10 +47,10 @@ class Verdict(NamedTuple):
         return f'{self.level:<6} {self.subject:<11} {self.text}'
 
 
-_Verdicts = Iterator[Verdict]
-_ok = partial(Verdict, OK)
-_note = partial(Verdict, NOTE)
-_fault = partial(Verdict, FAULT)
+_Verdicts = Iterator[_Verdict]
+_ok = partial(_Verdict, OK)
+_note = partial(_Verdict, NOTE)
+_fault = partial(_Verdict, FAULT)
 
 
 class ExpectedArm(NamedTuple):
@@ -61,7 +61,7 @@ class ExpectedArm(NamedTuple):
     rate: float = 500.0  # [Hz]
 
 
-def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
+def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[_Verdict]:
     """All verdicts, the robot's first; what is expected matters if no controller runs."""
     if seen.controller:
         parameters = seen.controller
@@ -165,7 +165,7 @@ def _judge_joints(positions: Mapping[str, float], limits: JointLimits) -> _Verdi
         yield _judge_positions(np.array([positions[name] for name in names]), limits)
 
 
-def _judge_positions(q: np.ndarray, limits: JointLimits) -> Verdict:
+def _judge_positions(q: np.ndarray, limits: JointLimits) -> _Verdict:
     if not np.isfinite(q).all():
         return _fault('positions', f'{q.tolist()}; every value must be finite')
     margin = np.minimum(q - limits.lower, limits.upper - q)  # (n,)
