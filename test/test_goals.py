@@ -334,9 +334,8 @@ def test_a_path_that_cannot_be_followed_is_refused_in_one_line(streamed: Virtual
     x, R = FR3.tip(position(streamed))
     line = x + np.outer(np.arange(3.0), (0.0, 0.3, 0.0))
     path = Preview((0.0, 1.0, 2.0), line, np.tile(R, (3, 1, 1)))  # 0.3 m/s
-    streamed.graph.publish(
-        'target_path', to_path(streamed.nodes['planner']._run.cycles.newest, '', path)
-    )
+    stamp = streamed.nodes['planner']._run.cycles.newest
+    streamed.graph.publish('target_path', to_path(stamp, '', path))
     streamed.run(0.1)
     assert state(streamed) is TaskState.IDLE
     assert logged(streamed, 'target_path refused', 'target_speed', '0.3')

@@ -230,6 +230,10 @@ class _Path:
         self.positions = positions
         self.rotations = rotations
         turns = [rotation_error(rotations[0], R) for R in rotations]
+        for before, turn in pairwise(turns):  # beyond half a turn the longer vector goes on
+            longer = turn * (1.0 - 2.0 * np.pi / max(float(np.linalg.norm(turn)), 1e-9))
+            if np.linalg.norm(longer - before) < np.linalg.norm(turn - before):
+                turn[:] = longer
         p = np.hstack((positions, turns)) if turns else positions  # (N, 3) or (N, 6)
         h = np.diff(times)[:, None]
         slopes = np.diff(p, axis=0) / h
