@@ -386,6 +386,13 @@ def test_the_orientation_stays_one_however_many_targets_come(square):
     assert R @ R.T == pytest.approx(EYE, abs=1e-12)
 
 
+def test_on_the_way_to_a_target_progress_counts_up_to_one(square):
+    follower = resting(square, policy(np.zeros(1)))
+    follower.set_target(square.waypoints[0] + np.array((0.1, 0.0, 0.0)), EYE)
+    seen = [follower.progress(t) for t in (0.0, 0.3, 0.6, 9.0)]
+    assert 0.0 <= seen[0] < seen[1] < seen[2] < seen[3] == 1.0
+
+
 def test_a_path_turns_by_more_than_half_a_turn_at_its_own_speed(square):
     times = np.arange(0.0, 2.5, 0.1)
     R = turned(*np.outer(2.0 * times, (0.0, 0.6, 0.8)))  # 2 rad/s

@@ -366,6 +366,11 @@ class TargetFollower:
         x, R = map(np.array, zip(*poses, strict=True))
         return Preview(times, x, None if self._R is None else R)
 
+    def progress(self, t: Seconds) -> float:
+        """The fraction of the path's time that is over."""
+        begin, end = self._path.times[[0, -1]]
+        return float(np.clip((t - begin) / (end - begin), 0.0, 1.0)) if end > begin else 0.0
+
     def time_left(self, t: Seconds) -> Seconds:
         """About how long the motion still takes; 0 beside the end."""
         turn = rotation_error(self._turn, _UNTURNED) if self._R is not None else None

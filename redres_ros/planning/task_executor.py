@@ -189,11 +189,13 @@ class TaskExecutor:
 
     @property
     def progress(self) -> float:
-        """The fraction of the tip's path that is over, 0 to 1; 0 towards poses from others."""
+        """The fraction of the tip's path that is over, 0 to 1."""
         if self.state is TaskState.FINISHED:
             return 1.0
         source = self._execution and self._execution.source
-        return source.progress(self.clock.t) if isinstance(source, Planner) else 0.0
+        if isinstance(source, Planner | TargetFollower):
+            return source.progress(self.clock.t)
+        return 0.0
 
     @property
     def remark(self) -> str:
