@@ -66,7 +66,10 @@ const buttons = Array(8).fill(release);
 buttons[4] = {pressed: true, value: 1.0};
 buttons[7] = {pressed: true, value: 0.75};
 const on = {};
-const listener = {addEventListener: (name, call) => { on[name] = call; }};
+const window = {
+  addEventListener: (name, call) => { on[name] = call; },
+  matchMedia: () => ({matches: false}),  // no phone
+};
 class WebSocket {
   static OPEN = 1;
   readyState = 1;
@@ -80,7 +83,7 @@ const key = (code) => on.keydown({
 require('vm').runInNewContext(require('fs').readFileSync(0, 'utf8'), {
   WebSocket,
   location: {host: 'here'},
-  window: listener,
+  window,
   document: {
     hasFocus: () => true,
     addEventListener: (name, call) => {
