@@ -239,10 +239,9 @@ class DistanceLimit(BrakingLimit):
                 yield self._braked(state, T, ticks[pair])
 
     def _change(self, slope: np.ndarray, state: ReferenceState, T: Seconds) -> Meters:
-        """How far a place of this slope (n,) [s] may move in this tick, at most."""
+        """The most by which this tick changes a distance at a place of this slope (n,) [s]."""
         steps = (slope + state.tick.gap * T) * self.A * T
-        first_order = 2.0 * float(self._max_point_jacobian.dot(steps))
-        return first_order + 0.5 * self._lever * float(steps.dot(steps))
+        return 2.0 * float(self._max_point_jacobian.dot(steps))
 
     def _least(
         self, state: ReferenceState, dq: JointVelocities, T: Seconds, step: int, enough: Meters
