@@ -88,9 +88,9 @@ def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_of_its_node_befor
     assert graph.log.changes(TASK_STATE) == {0: 'idle', 9 * PERIOD: 'moving'}
     assert graph.log.changes(SEGMENT) == {7 * PERIOD: 2}
     stamps = [6 * PERIOD, 7 * PERIOD, 9 * PERIOD]
-    assert graph.log._values_at(SEGMENT, stamps, 0) == [2, 2, 2]
-    assert graph.log._values_at(TASK_STATE, stamps, '') == ['idle', 'idle', 'moving']
-    assert graph.log._values_at(LAW, stamps, 'none') == ['none'] * 3
+    assert graph.log.values_at(SEGMENT, stamps, 0) == [2, 2, 2]
+    assert graph.log.values_at(TASK_STATE, stamps, '') == ['idle', 'idle', 'moving']
+    assert graph.log.values_at(LAW, stamps, 'none') == ['none'] * 3
 
 
 def test_rounds_are_what_the_planner_moved_through_until_the_robot_stopped() -> None:
@@ -128,7 +128,7 @@ def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:
     graph.publish_word(TASK_STATE, 'moving')
     graph.publish_desired(13, np.full(3, 0.3))
     assert ticks(graph.log.under_way()) == [10, 11, 12, 13]
-    between = graph.log._desired_at([11 * PERIOD, 12 * PERIOD])
+    between = graph.log.desired_at([11 * PERIOD, 12 * PERIOD])
     np.testing.assert_allclose(between[:, :3], [[0.1] * 3, [0.2] * 3])
 
 

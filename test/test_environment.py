@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from redres_ros.errors import ArrayError, UnknownNameError
-from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings
+from redres_ros.fake_robot.mujoco_arm import EnvironmentSettings, _normal
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.robot_model import RobotModel
 
@@ -50,7 +50,7 @@ def test_a_wall_pushes_back_with_its_stiffness_times_the_depth(stiffness: float)
 
 @pytest.mark.parametrize(('x', 'y'), [(0.5, 0.0), (-0.3, 0.4), (0.0, -0.2)])
 def test_a_wall_faces_the_base(x: float, y: float) -> None:
-    normal = EnvironmentSettings('wall', (x, y, 0.7))._normal
+    normal = _normal(EnvironmentSettings('wall', (x, y, 0.7)))
     assert normal == pytest.approx(-np.array((x, y, 0.0)) / np.hypot(x, y))
 
 

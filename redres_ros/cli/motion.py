@@ -16,6 +16,7 @@ from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, choose_arm
+from redres_ros.robots.arm import ACCELERATIONS
 from redres_ros.simulation.batch import Case, make_controller
 from redres_ros.tasks import TASKS
 
@@ -82,7 +83,7 @@ def _accelerations(given: Any) -> tuple[float, ...]:
             f'--set {_ACCELERATION}={given}; expected a list, such as [5.0, 5.0, 8.0]'
         )
     limits: tuple[float, ...] = _converted(given, ())
-    check_value(_ACCELERATION, limits, Parameter('[rad/s^2]', 1e-3, 1e6))
+    check_value(_ACCELERATION, limits, Parameter('[rad/s^2]', *ACCELERATIONS))
     return limits
 
 
@@ -110,12 +111,12 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
     _check_scales(case)
     names = [name.partition('@')[0] for name in laws]
     if all(name in LAWS and not LAWS[name].has_memory for name in names):
-        for option, value in (
-            ('prefer', preferences),
-            ('damping', options.damping),
-            ('set damping', settings.get('damping')),
+        for option, is_given in (
+            ('prefer', bool(preferences)),
+            ('damping', options.damping is not None),
+            ('set damping', 'damping' in settings),
         ):
-            if value not in (None, []):
+            if is_given:
                 raise OptionError(
                     f'--{option} acts on laws that know the last velocity; in use: '
                     f'{", ".join(names)}'

@@ -142,7 +142,7 @@ class Log:
         times = list(clock.values())
         return {stamps[bisect_right(times, sent)]: value for sent, value in self._changes[topic]}
 
-    def _values_at(self, topic: str, stamps: Sequence[int], default: Any) -> list[Any]:
+    def values_at(self, topic: str, stamps: Sequence[int], default: Any) -> list[Any]:
         """The values of a topic without stamps at some stamps; before all, the first one."""
         changes = self.changes(topic)
         if not changes:
@@ -164,14 +164,14 @@ class Log:
         first = min(self.desired)
         last = min(max(self.desired), self.stopped()[0])
         states = sorted(self.states)
-        words = self._values_at(TASK_STATE, states, '')
+        words = self.values_at(TASK_STATE, states, '')
         return [
             stamp
             for stamp, word in zip(states, words, strict=True)
             if word == TaskState.MOVING.value and first <= stamp <= last
         ]
 
-    def _desired_at(self, stamps: Sequence[int]) -> np.ndarray:
+    def desired_at(self, stamps: Sequence[int]) -> np.ndarray:
         """Desired poses at some stamps, (N, 7); interpolated if the planner missed one."""
         if not stamps:
             return np.empty((0, 7))
@@ -197,10 +197,10 @@ def replay(
     at_rest = np.zeros(model.n)
     columns = zip(
         stamps,
-        log._desired_at(stamps),
-        log._values_at(LAW, stamps, ''),
-        log._values_at(SCALING, stamps, 1.0),
-        log._values_at(SEGMENT, stamps, 0),
+        log.desired_at(stamps),
+        log.values_at(LAW, stamps, ''),
+        log.values_at(SCALING, stamps, 1.0),
+        log.values_at(SEGMENT, stamps, 0),
         strict=True,
     )
     for stamp, desired, law, s, segment in columns:

@@ -47,14 +47,6 @@ class EnvironmentSettings:
         if self.contact_shape == 'wall' and not any(self.contact_position[:2]):
             raise ArrayError('contact_position of a wall is above the base; expected beside it')
 
-    @property
-    def _normal(self) -> np.ndarray:
-        """Direction out of the table or wall in the base frame, (3,)."""
-        if self.contact_shape == 'table':
-            return np.array((0.0, 0.0, 1.0))
-        x, y, _ = self.contact_position
-        return np.array((-x, -y, 0.0)) / np.hypot(x, y)
-
 
 def servo_model(
     arm: Arm, environment: EnvironmentSettings, servo_bandwidth: float
@@ -149,9 +141,9 @@ def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) 
     surface = spec.worldbody.add_geom(
         name=_SURFACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(_HALF_WIDTH, _HALF_WIDTH, 0.01)
     )
-    surface.pos = np.array(settings.contact_position) - _TIP_RADIUS * settings._normal
+    surface.pos = np.array(settings.contact_position) - _TIP_RADIUS * _normal(settings)
     surface.alt.type = mujoco.mjtOrientation.mjORIENTATION_ZAXIS
-    surface.alt.zaxis = settings._normal
+    surface.alt.zaxis = _normal(settings)
     for geom in (sphere, surface):
         geom.mass = 0.0
         geom.contype = 1
@@ -165,6 +157,14 @@ def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) 
     reference = settings.contact_stiffness * (1.0 - _IMPEDANCE) * inverse_inertia
     model.geom(_SURFACE).solref[:] = (-reference, -reference * _RELAXATION)
     return model
+
+
+def _normal(settings: EnvironmentSettings) -> np.ndarray:
+    """Direction out of the table or wall in the base frame, (3,)."""
+    if settings.contact_shape == 'table':
+        return np.array((0.0, 0.0, 1.0))
+    x, y, _ = settings.contact_position
+    return np.array((-x, -y, 0.0)) / np.hypot(x, y)
 
 
 def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:

@@ -72,8 +72,12 @@ class FakeRobot:
         self.tick = 0  # k
         self._validator = CommandValidator(limits, plant.period, self.session.profile)
         self._interpolator = _ReferenceInterpolator(limits, plant.period, plant.q)
-        self.reference = plant.q  # where the plant was sent last; a new array in each cycle
         self._course = _Course(-1, plant.q)
+
+    @property
+    def reference(self) -> JointPositions:
+        """Where the plant was sent in the last cycle; a new array in each."""
+        return self._interpolator.reference
 
     def advance(self, *commands: ClientCommand) -> None:
         """Move from tick k to k + 1, by the commands that came since, in the order of their ticks.
@@ -93,7 +97,6 @@ class FakeRobot:
                 self._interpolator.follow(command)
         if not self.session.commanding:
             self._interpolator.brake()
-        self.reference = self._interpolator.reference
         self.plant.step(self.reference)
         self.tick += 1
 

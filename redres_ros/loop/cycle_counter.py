@@ -68,7 +68,7 @@ class CycleCounter:
         self.arrived = 0.0
         self.woke = -_GAP
         self._apart = 0  # stamp of a state that may be of another clock [ns]
-        self.numbers: dict[int, int] = {}  # cycles by stamp, of the last states
+        self._numbers: dict[int, int] = {}  # cycles by stamp, of the last states
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self.rate_error = ''
         self._set(0, 0.0)
@@ -78,7 +78,7 @@ class CycleCounter:
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
-        self.numbers.clear()
+        self._numbers.clear()
         self._unjudged.clear()
         return max(round((arrived - self.arrived) * NANOSECONDS / self.period), 1)
 
@@ -104,9 +104,9 @@ class CycleCounter:
         self.newest = stamp
         self.arrived = arrived
         self._apart = 0
-        self.numbers[stamp] = self.number
-        if len(self.numbers) > _REMEMBERED:
-            del self.numbers[next(iter(self.numbers))]  # the oldest
+        self._numbers[stamp] = self.number
+        if len(self._numbers) > _REMEMBERED:
+            del self._numbers[next(iter(self._numbers))]  # the oldest
         return cycles
 
     def _count(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
@@ -170,7 +170,7 @@ class CycleCounter:
 
     def cycle(self, stamp: Nanoseconds) -> int:
         """The cycle of a stamp: that of its state, else the nearest."""
-        known = self.numbers.get(stamp)
+        known = self._numbers.get(stamp)
         if known is not None:
             return known
         return self.number + round((stamp - self.newest) / self.period)
@@ -191,3 +191,7 @@ class CycleCounter:
             return 0, ''
         side = 'behind' if age > 0.0 else 'ahead of'
         return stamp, f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {allowed:g}"
+
+    def is_of_a_state(self, stamp: Nanoseconds) -> bool:
+        """Whether a stamp is that of a state, as far as is known."""
+        return stamp in self._numbers or (stamp - self.newest) % self.period == 0

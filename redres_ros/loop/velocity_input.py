@@ -256,8 +256,7 @@ class VelocityInput:
             self.buffer = self.of_joints if of_joints else self.of_task
             self.buffer.clear()
             self._controller.follow_joints(of_joints)
-        is_known = stamp in cycles.numbers or (stamp - cycles.newest) % cycles.period == 0
-        self.is_of_state = stamp > 0 and is_known
+        self.is_of_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
         self._arrived = now
         self.buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Path
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -28,6 +27,7 @@ from redres_ros.nodes.controller_interfaces import ADMITTANCE, Forwarding, Senso
 from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import (
     JointMapper,
+    deserialised,
     from_path,
     stacked,
     to_joint_state,
@@ -189,7 +189,7 @@ class ControllerNode(ManagedNode):
         with self._diagnostics.judging(topics.PREVIEW):
             if len(data) > _LARGEST_PREVIEW:
                 raise RedresError(f'{len(data)} bytes; allowed: {_LARGEST_PREVIEW}')
-            message = deserialize_message(data, Path)
+            message = deserialised(data, Path)
             preview = from_path(message, self._base_frames, self._rows == _POSE)
             self._loop.preview = to_nanoseconds(message.header.stamp), preview
 

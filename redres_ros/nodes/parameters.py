@@ -27,7 +27,6 @@ P = TypeVar('P', bound='DataclassInstance')
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
-
 # Parameters of earlier versions, by what to write instead.
 _GONE = Path(__file__).with_name('gone_parameters.yaml')
 

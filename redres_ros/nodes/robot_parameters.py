@@ -27,7 +27,7 @@ from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, choose_arm
-from redres_ros.robots.arm import DYNAMICS
+from redres_ros.robots.arm import ACCELERATIONS, DYNAMICS
 from redres_ros.tasks import TASKS
 from redres_ros.types import Seconds
 
@@ -45,7 +45,7 @@ _ROBOT = Parameter(
 _TIP_FRAME = Parameter(
     "link that carries out the task; empty: the arm's own, of a URDF the last one"
 )
-_ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', 1e-3, 1e6)
+_ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', *ACCELERATIONS)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
 _LOADED = (look_ahead,)  # compiled before the loop: a law that needs it may be set live
 _NODES_OWN = {'horizon': HORIZON}  # defaults

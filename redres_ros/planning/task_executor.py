@@ -144,8 +144,8 @@ class TaskExecutor:
 
     def preview(self, seconds: Seconds) -> Preview | None:
         """The path of the tip in the next seconds; None if there is none."""
-        source = self._execution.source if self._execution else None
-        if not isinstance(source, Planner | TargetFollower):
+        source = self._tip_source
+        if source is None:
             return None
         return source.preview(self.clock.t, seconds, self.clock.speed.fraction)
 
@@ -192,10 +192,13 @@ class TaskExecutor:
         """The fraction of the tip's path that is over, 0 to 1."""
         if self.state is TaskState.FINISHED:
             return 1.0
-        source = self._execution and self._execution.source
-        if isinstance(source, Planner | TargetFollower):
-            return source.progress(self.clock.t)
-        return 0.0
+        return self._tip_source.progress(self.clock.t) if self._tip_source else 0.0
+
+    @property
+    def _tip_source(self) -> Planner | TargetFollower | None:
+        """What leads the tip, if that is under way."""
+        source = self._execution.source if self._execution else None
+        return source if isinstance(source, Planner | TargetFollower) else None
 
     @property
     def remark(self) -> str:

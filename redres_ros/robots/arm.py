@@ -19,6 +19,7 @@ from redres_ros.robots.urdf import (
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
+ACCELERATIONS = (1e-3, 1e6)  # [rad/s^2] that a limit may have, as a parameter
 OF_EACH_JOINT = (
     'rotor_inertia',
     'effort_limit',
