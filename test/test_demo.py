@@ -20,13 +20,14 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from doubles import LateArm
 from graph_helpers import PATIENCE, await_that, graph, is_running
 from nightly import NIGHTLY
+from std_msgs.msg import Float64
 
 from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
 from redres_ros.demo.observation import Log
 from redres_ros.graph.monitor import GraphMonitor
 from redres_ros.laws import make_law
-from redres_ros.nodes.topics import TASK_STATE
+from redres_ros.nodes.topics import PROGRESS, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
@@ -160,7 +161,7 @@ def test_the_task_is_finished_in_real_time(tmp_path: Path) -> None:
 def running(
     out: Path,
     *arguments: str,
-    until: Callable[[GraphMonitor], bool] = lambda node: node.progress() > 0.05,
+    until: Callable[[GraphMonitor], bool] = lambda node: node.sampled(PROGRESS, Float64, 0) > 0.05,
 ) -> tuple[subprocess.Popen[str], list[int]]:
     """A demo whose task is under way, or has come so far, and the numbers of its processes."""
     with graph(lambda: GraphMonitor('test')) as (node, _):

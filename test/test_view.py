@@ -147,7 +147,7 @@ def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
     shown = panel.state_text(dict.fromkeys(WORDS, evil), {'sim': NodeHealth(evil, True)}, 0.0)
     arm = SimpleNamespace(joint_names=[evil], q_min=np.zeros(1), q_max=np.ones(1))
-    shown += panel.joint_bars(arm, np.array([0.5]), f'{evil}2', evil)
+    shown += panel.joint_bars(arm, np.array([0.5]), f'{evil}2: {evil}')
     assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 4
 
 

@@ -38,11 +38,6 @@ class Parser(argparse.ArgumentParser):
             error = UnknownNameError('value', value, action.choices)
             raise argparse.ArgumentError(action, str(error))
 
-    def _print_message(self, message: str, file: Any = None) -> None:
-        """As of the base class, which passes over output that cannot be written."""
-        if message and file is not None:
-            file.write(message)
-
 
 def add_command(
     commands: Any, run: Callable[[argparse.Namespace], int], says: str, *examples: str

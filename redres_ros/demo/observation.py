@@ -1,6 +1,5 @@
 """The messages of a demo's nodes by the stamps of the robot's states, and its motion."""
 
-import struct
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -18,7 +17,6 @@ from redres_ros.geometry import from_quaternion
 from redres_ros.graph.monitor import Sample, Sampler
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
-from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.conversions import JointMapper, deserialised, stacked, to_nanoseconds
 from redres_ros.nodes.topics import REASON, SESSION, TASK_BEGUN, TASK_STATE
 from redres_ros.planning.planner import Reference
@@ -66,29 +64,22 @@ _UNSTAMPED: dict[str, tuple[type, str]] = {
 _DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = (TASK_BEGUN, TASK_STATE, REASON, SESSION)
 _DEEP_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STAMP = struct.Struct('<4xiI')  # of a message with a header, after that of its encoding
 _MOVING = [state.value for state in UNDER_WAY]
 
 
 class Log:
-    """What was published of one run, by the stamp [ns] of the robot's state.
-
-    Attributes:
-        states: Measured joint positions.
-        commands: q_ref [rad] and dq [rad/s].
-        desired: Position [m] and quaternion of the tip, (7,).
-        forces: Forces of the environment on the tip, (3,) [N].
-        sent: When a stamped message was published [ns], by topic and stamp.
-        newest: Stamp of the newest state; 0 before the first.
-        began: Stamp at which the task began; 0 before the first.
+    """What was published of one run, by the stamp [ns] of the robot's state: measured positions,
+    commands as q_ref [rad] and dq [rad/s], desired position [m] and quaternion of the tip (7,), and
+    forces of the environment on it (3,) [N].
     """
 
     def __init__(self, joint_names: Sequence[str]) -> None:
         self._kept: dict[str, dict[int, Any]] = {topic: {} for topic in _STAMPED}
         self.states, self.commands, self.desired, self.forces = self._kept.values()
+        # When a stamped message was published [ns], by topic and stamp
         self.sent: dict[str, dict[int, int]] = {topic: {} for topic in _STAMPED}
-        self.newest = 0
-        self.began = 0
+        self.newest = 0  # stamp of the newest state
+        self.began = 0  # stamp at which the task began
         self._began_at = 0  # when that was published [ns]
         topics = {**_STAMPED, **_UNSTAMPED}.items()
         self._topics: dict[str, type] = {TASK_BEGUN: Time} | {name: of[0] for name, of in topics}
@@ -114,13 +105,13 @@ class Log:
             self.began = to_nanoseconds(deserialised(sample.data, Time))
             self._began_at = sample.sent
         elif topic in _STAMPED:
-            seconds, nanoseconds = _STAMP.unpack_from(sample.data)
-            stamp = seconds * NANOSECONDS + nanoseconds
+            kind, kept = _STAMPED[topic]
+            message = deserialised(sample.data, kind)
+            stamp = to_nanoseconds(message.header.stamp)
             if topic == STATES:
                 self.newest = stamp
             self.sent[topic].setdefault(stamp, sample.sent)  # a robot that waits repeats a state
-            kind, kept = _STAMPED[topic]
-            self._kept[topic][stamp] = kept(deserialised(sample.data, kind), self._joints)
+            self._kept[topic][stamp] = kept(message, self._joints)
         elif self._last_data.get(topic) != sample.data:
             self._last_data[topic] = sample.data
             value = deserialised(sample.data, self._topics[topic]).data

@@ -44,15 +44,11 @@ def not_installed(module: str) -> str:
 
 def remedy(module: str) -> str:
     """The command that installs a module: by pip, or in a ROS workspace by rosdep."""
-    if module in _BY_ROSDEP and _is_in_workspace():
+    others = set(_overlays()) - {sys.prefix}
+    is_in_workspace = any((Path(prefix) / _MARKER).exists() for prefix in others)  # by colcon
+    if is_in_workspace and module in _BY_ROSDEP:
         return 'rosdep install --from-paths src --ignore-src'
     return f'pip install {_PACKAGES.get(module, module)}'
-
-
-def _is_in_workspace() -> bool:
-    """Whether ROS's own tools have installed this package, as colcon does."""
-    others = set(_overlays()) - {sys.prefix}
-    return any((Path(prefix) / _MARKER).exists() for prefix in others)
 
 
 def _overlays() -> list[str]:

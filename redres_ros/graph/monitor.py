@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray, String
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.graph.client import GraphClient
@@ -23,11 +23,9 @@ from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import EncodingError, JointMapper, deserialised
 from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
 from redres_ros.nodes.topics import (
-    ACTIVE_LIMITS,
     LATCHED,
     MODE,
     NEWEST,
-    PROGRESS,
     QUALITY,
     REASON,
     SESSION,
@@ -115,21 +113,15 @@ class NodeHealth(NamedTuple):
 
 
 class GraphMonitor(Node):
-    """Receives what the nodes publish anyway, so that observing costs them almost nothing.
-
-    Attributes:
-        values: The newest of each topic.
-        samples: Messages of fast topics, which wait until they are taken.
-        client: Calls the nodes' services.
-        on_parameters: Called with the node and the changed values when parameters change.
-    """
+    """Receives what the nodes publish anyway, so that observing costs them almost nothing."""
 
     def __init__(self, name: str, namespace: str = '', patience: float = 5.0) -> None:
         super().__init__(name, namespace=namespace or None)
-        self.values: dict[str, Any] = {}
+        self.values: dict[str, Any] = {}  # the newest of each topic
         self._reports: dict[str, tuple[NodeHealth, float]] = {}  # by node, with their times [s]
-        self.samples = Sampler(self)
+        self.samples = Sampler(self)  # of fast topics
         self.client = GraphClient(self, patience)
+        # Called with the node and the changed values.
         self.on_parameters: Callable[[str, dict[str, Any]], None] = lambda node, values: None
         for topic in WORDS:
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
@@ -148,17 +140,6 @@ class GraphMonitor(Node):
             is_silent = silence >= _STALE
             health[node] = NodeHealth(f'silent for {silence:.0f} s', None) if is_silent else report
         return health
-
-    def progress(self) -> float:
-        """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
-        return float(self.sampled(PROGRESS, Float64, 0.0))
-
-    def limit(self) -> tuple[str, str]:
-        """The joint or pair of bodies that a limit acts on, and its name; followed from the first
-        call on.
-        """
-        place, _, limit = str(self.sampled(ACTIVE_LIMITS, String, '')).rpartition(': ')
-        return place, limit
 
     def sampled(self, topic: str, kind: type, default: Any = None) -> Any:
         """The newest `data` of a topic, which is followed from the first call on."""

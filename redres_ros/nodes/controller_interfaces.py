@@ -125,16 +125,11 @@ class Sensors:
 
 
 class Forwarding:
-    """Publishes positions, numbers without names, once the order of their joints is confirmed.
+    """Publishes positions, numbers without names, once the order of their joints is confirmed."""
 
-    Attributes:
-        error: Why nothing is forwarded; empty if there is no error.
-    """
-
-    def __init__(self, node: Node, names: Sequence[str]) -> None:
-        """For the joints of those names, from base to tip."""
-        self.error = ''
-        self._names = list(names)
+    def __init__(self, node: Node, joint_names: Sequence[str]) -> None:
+        self.error = ''  # why nothing is forwarded
+        self._names = list(joint_names)
         self._publisher = node.create_publisher(
             Float64MultiArray, f'{_FORWARDING}/commands', PUBLISH
         )

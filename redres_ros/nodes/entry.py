@@ -2,20 +2,19 @@
 
 import sys
 from functools import partial
-from importlib import import_module
 from itertools import takewhile
-from typing import Any
+from pkgutil import resolve_name
 
 from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.installation import not_installed
 
 _ROS = '--ros-args'
 _NO_SIM = '--no-sim'
-_NODES = {  # modules and classes
-    'composed': ['sim.SimNode', 'controller.ControllerNode', 'planner.PlannerNode'],
-    'controller': ['controller.ControllerNode'],
-    'planner': ['planner.PlannerNode'],
-    'sim': ['sim.SimNode'],
+_NODES = {  # in modules of this package
+    'composed': ['sim:SimNode', 'controller:ControllerNode', 'planner:PlannerNode'],
+    'controller': ['controller:ControllerNode'],
+    'planner': ['planner:PlannerNode'],
+    'sim': ['sim:SimNode'],
 }
 
 
@@ -26,7 +25,7 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
     before the nodes began.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    nodes = list(_NODES[name])
+    nodes = [f'redres_ros.nodes.{node}' for node in _NODES[name]]
     try:
         if {'-h', '--help'} & set(arguments):
             print(_help(name), flush=True)
@@ -40,7 +39,7 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
             return 2
         from redres_ros.nodes.runtime import run_nodes
 
-        return run_nodes(*map(_load, nodes), arguments=arguments)
+        return run_nodes(*map(resolve_name, nodes), arguments=arguments)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone
@@ -58,11 +57,6 @@ composed = partial(run_node, 'composed')
 controller = partial(run_node, 'controller')
 planner = partial(run_node, 'planner')
 sim = partial(run_node, 'sim')
-
-
-def _load(node: str) -> Any:
-    module, _, cls = node.partition('.')
-    return getattr(import_module(f'redres_ros.nodes.{module}'), cls)
 
 
 def _help(name: str) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -70,17 +69,17 @@ def show_obstacles(
 
 def _show(node: Node, frame: str, period: Seconds, make: Callable[[], list[Marker]]) -> None:
     publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
-    node.create_timer(period, partial(_publish, publisher, frame, make), clock=STEADY)
 
+    def _publish() -> None:
+        if publisher.get_subscription_count() == 0:
+            return
+        markers = make()
+        for marker in markers:
+            marker.header.frame_id = frame
+            marker.lifetime = Duration(sec=_LIFETIME)
+        publisher.publish(MarkerArray(markers=markers))
 
-def _publish(publisher: Publisher, frame: str, make: Callable[[], list[Marker]]) -> None:
-    if publisher.get_subscription_count() == 0:
-        return
-    markers = make()
-    for marker in markers:
-        marker.header.frame_id = frame
-        marker.lifetime = Duration(sec=_LIFETIME)
-    publisher.publish(MarkerArray(markers=markers))
+    node.create_timer(period, _publish, clock=STEADY)
 
 
 def _to_marker(shape: DrawnShape, namespace: str, number: int) -> Marker:

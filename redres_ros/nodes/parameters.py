@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -92,7 +91,15 @@ def on_live_change(
 
     Both functions get the changed values by name, tuples for arrays.
     """
-    node.add_on_set_parameters_callback(partial(_judged, check))
+
+    def _judge(changed: Iterable[RosParameter]) -> SetParametersResult:
+        try:
+            check(_values(changed))
+        except RedresError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(_judge)
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
 
 
@@ -137,16 +144,6 @@ def warn_of_misspelt(nodes: Sequence[Node]) -> None:
     ]
     if meant:
         nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
-
-
-def _judged(
-    check: Callable[[dict[str, Any]], None], changed: Iterable[RosParameter]
-) -> SetParametersResult:
-    try:
-        check(_values(changed))
-    except RedresError as error:
-        return SetParametersResult(successful=False, reason=str(error))
-    return SetParametersResult(successful=True)
 
 
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:

@@ -132,7 +132,7 @@ class PlannerNode(ManagedNode):
             if step and step.dx is not None:
                 self._twist_publisher.publish(to_twist(stamp, self._frame, step.dx))
             if step and self._telemetry.subscribed:
-                self._publish_reference(step, R)
+                self._publish_reference(stamp, step, R)
             # In lock-step a run must not depend on which message comes first.
             if step and step.dx is not None and not self._settings.lockstep:
                 self._publish_preview(stamp)
@@ -155,7 +155,7 @@ class PlannerNode(ManagedNode):
         model = self._model
         return model.tip(self._q)[0], model.position(self._q, model.elbow_frame)
 
-    def _publish_reference(self, step: Step, R: Rotation) -> None:
+    def _publish_reference(self, stamp: Nanoseconds, step: Step, R: Rotation) -> None:
         """For displays; a task of positions leaves the orientation R as it is."""
         publish = self._telemetry.publish
         publish('progress', lambda: self._run.progress)
@@ -163,7 +163,7 @@ class PlannerNode(ManagedNode):
         if reference is None:
             return
         R_d = R if reference.R_d is None else reference.R_d
-        publish('desired_pose', lambda: to_pose(step.stamp, self._frame, reference.x_d, R_d))
+        publish('desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d))
         publish('task_error', lambda: float(np.linalg.norm(reference.error)))
         publish('segment', lambda: reference.segment)
 

@@ -40,19 +40,16 @@ PROGRESS = 'planner/progress'
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 _LOOK_PERIOD = 0.2
 
-
 _PLAIN: dict[type, Any] = {float: Float64, int: Int32, str: String}  # by the type of their value
 
 
 class Telemetry:
-    """Publishers for displays: nothing is computed or sent for a topic without subscribers.
-
-    Attributes:
-        subscribed: The last parts of the names of topics that have a subscriber.
+    """Publishers for displays, of the types by topic: nothing is computed or sent for a topic
+    without subscribers.
     """
 
     def __init__(self, node: Node, types: Mapping[str, type]) -> None:
-        """For the types of messages by topic."""
+        self.subscribed: set[str] = set()  # last parts of the names of topics with a subscriber
         self._publishers = {
             topic.rpartition('/')[2]: node.create_publisher(kind, topic, PUBLISH)
             for topic, kind in types.items()

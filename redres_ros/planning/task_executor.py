@@ -48,14 +48,12 @@ class Step(NamedTuple):
     joints (dq). Zero and without a reference while a goal waits.
     """
 
-    stamp: Nanoseconds
     dx: TaskVelocity | None = None
     dq: JointVelocities | None = None
     reference: Reference | None = None
 
 
 class _ArmState(NamedTuple):
-    stamp: Nanoseconds
     q: JointPositions
     x: Position
     R: Rotation
@@ -181,7 +179,7 @@ class TaskExecutor:
                 self._end_after((stamp - before) / NANOSECONDS)
             self.clock.advance(cycles)
         if is_new or self._step is None:
-            self._arm = _ArmState(stamp, q, x, R, unachieved)
+            self._arm = _ArmState(q, x, R, unachieved)
             self._step = self._next_step(self._arm)
         return self._step
 
@@ -259,7 +257,7 @@ class TaskExecutor:
         execution.source = make_planner(arm.x, arm.R)
         self.clock.begin()
         self.monitor.begin()
-        self.start_stamp = arm.stamp
+        self.start_stamp = self.cycles.newest
         return self._follow(execution, arm)
 
     def _follow(self, execution: _Execution, arm: _ArmState) -> Step | None:
@@ -274,13 +272,13 @@ class TaskExecutor:
             if reference.finished:
                 return self._begin_tip_path(execution, arm)
             self.state = TaskState.HOMING
-            step = Step(arm.stamp, dq=reference.dq)
+            step = Step(dq=reference.dq)
         else:
             R = arm.R if self._turns else None
             reference = source.reference(arm.x, t, R, unachieved=arm.unachieved, rate=rate)
             execution.x_d = reference.x_d
             self.state = TaskState.FINISHED if reference.finished else TaskState.MOVING
-            step = Step(arm.stamp, reference.dx, None, reference)
+            step = Step(reference.dx, None, reference)
         place = (reference.segment, source.time_left(t), *reference.distance)
         is_finished = self.state is TaskState.FINISHED
         if not is_finished and self.monitor.enter(self._seconds, *place):
@@ -295,8 +293,8 @@ class TaskExecutor:
             self._end(over)
             return None
         if isinstance(execution.source, JointPath):
-            return Step(arm.stamp, dq=np.zeros(len(arm.q)))
-        return Step(arm.stamp, dx=np.zeros(6 if self._turns else 3))
+            return Step(dq=np.zeros(len(arm.q)))
+        return Step(dx=np.zeros(6 if self._turns else 3))
 
     def _why_over(self, execution: _Execution) -> str:
         """Why a waiting goal is to be given up; empty if it is not."""

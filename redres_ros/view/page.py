@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from std_msgs.msg import Float64, String
 
 from redres_ros.files.plugins import load_plugin
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
@@ -17,6 +18,7 @@ from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
 from redres_ros.nodes.parameters import NONE, declare, named
 from redres_ros.nodes.runtime import Spinner, run_nodes
+from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.view.controls import Bindings, add_controls
@@ -108,9 +110,10 @@ class _Page:
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
-        progress = self._monitor.progress()
+        progress = self._monitor.sampled(PROGRESS, Float64, 0.0)
         self._state.content = state_text(newest, self._monitor.health(), progress)
-        self._bars.content = joint_bars(self._arm.model, self._arm.q, *self._monitor.limit())
+        limited = self._monitor.sampled(ACTIVE_LIMITS, String, '')
+        self._bars.content = joint_bars(self._arm.model, self._arm.q, limited)
         for name, path in self._paths.items():
             self._scene.trace(name, np.array(path))
         if len(self._figures) > 1:

@@ -50,8 +50,11 @@ def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progr
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
-def joint_bars(model: RobotModel, q: JointPositions, place: str, limit: str) -> str:
-    """A bar for each joint in its range as HTML, with the limit on it or on two bodies."""
+def joint_bars(model: RobotModel, q: JointPositions, limited: str) -> str:
+    """A bar for each joint in its range as HTML, with the active limit, 'place: limit', on it or on
+    two bodies.
+    """
+    place, _, limit = limited.rpartition(': ')
     fractions = (q - model.q_min) / (model.q_max - model.q_min)
     bars = dict(zip(model.joint_names, map(_bar, fractions.tolist()), strict=True))
     if place not in ('', *bars):

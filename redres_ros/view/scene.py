@@ -72,11 +72,9 @@ class ArmScene:
             link.wxyz = _wxyz(pose)
 
     def traced(self, q: JointPositions) -> dict[str, np.ndarray]:
-        """Positions of tip and elbow, each (3,) [m]; an arm may have no elbow."""
-        places = {'tip': self._model.tip(q)[0]}
-        if self._model.arm.elbow_frame:
-            places['elbow'] = self._model.position(q, self._model.elbow_frame)
-        return places
+        """Positions of tip and elbow, each (3,) [m]."""
+        model = self._model
+        return {'tip': model.tip(q)[0], 'elbow': model.position(q, model.elbow_frame)}
 
     def trace(self, name: str, points: np.ndarray) -> None:
         """Draw the path of 'tip' or 'elbow' through points (N, 3) [m]."""

@@ -102,12 +102,10 @@ class Teleoperation:
 
     def _enter(self, connection: object, message: str | bytes) -> str:
         """The line to show after a message."""
-        now = time.monotonic()
         direction = _read_beat(message)
         if direction is None:
             self._switch.release(connection)
-            return ''
-        if not self._switch.press(connection, direction, now):
+        elif not self._switch.press(connection, direction, time.monotonic()):
             return 'somebody else holds the dead-man switch'
         return ''
 
