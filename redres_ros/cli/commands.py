@@ -19,8 +19,6 @@ from redres_ros.cli.options import (
 )
 from redres_ros.errors import UnknownNameError
 
-_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
-
 _HEADS = {
     'law': 'laws, --law NAME: the quantity to minimise',
     'preference': 'preferences, --prefer NAME=GAIN: a joint-space objective in the null space',
@@ -160,7 +158,6 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _watch(options: argparse.Namespace) -> int:
-    from redres_ros.graph.client import GraphClient
     from redres_ros.graph.watch import Watch
     from redres_ros.nodes.runtime import spun
 
@@ -168,12 +165,11 @@ def _watch(options: argparse.Namespace) -> int:
     settings = read_settings(texts)
     with spun(lambda: Watch(options.namespace), options.domain) as node:
         if settings:
-            client = GraphClient(node, _PATIENCE)
-            present = client.parameters('controller')
+            present = node.client.parameters('controller')
             for name in settings:
                 if name not in present:
                     raise UnknownNameError('parameter of the controller', name, present)
-            client.set_parameters('controller', settings)
+            node.client.set_parameters('controller', settings)
             print(f'controller: {", ".join(texts)}', flush=True)
             if options.duration == 0.0:
                 return 0

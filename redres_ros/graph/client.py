@@ -3,7 +3,6 @@
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from types import NoneType
 from typing import Any
 
 import rclpy
@@ -92,12 +91,8 @@ class GraphClient:
         request = GetParameters.Request(names=wanted)
         response = self.call(GetParameters, f'{of}/get_parameters', request)
         values = map(parameter_value_to_python, response.values)
-        plain = (bool, int, float, str, NoneType)
-        read = {
-            name: value if isinstance(value, plain) else list(value)
-            for name, value in zip(wanted, values, strict=True)
-        }
-        return {name: value for name, value in read.items() if names or value is not None}
+        read = zip(wanted, values, strict=True)
+        return {name: value for name, value in read if names or value is not None}
 
     def offers(self, of: str) -> bool:
         """Whether a node has been discovered."""

@@ -23,6 +23,7 @@ from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS, QUALITY, REASON, SE
 
 _REFRESH = 5.0  # [Hz]
 _PRINT_EVERY = 1.0  # [s]
+_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
 _STYLES = {True: 'green', False: 'yellow', None: 'dim'}
 
 _LAW = 'controller/law'
@@ -69,7 +70,7 @@ class Watch(GraphMonitor):
     """Shows the newest value of every topic on its page."""
 
     def __init__(self, namespace: str = '') -> None:
-        super().__init__('watch', namespace)
+        super().__init__('watch', namespace, _PATIENCE)
         self._arm: LiveArm | None = None
         self._is_known = True  # whether the arm is known here
         self.on_parameters = self._on_parameters

@@ -200,27 +200,26 @@ class ControllerNode(ManagedNode):
         """Publish the response to what was given, or report why it was refused."""
         if self.life == 'unconfigured':
             return
-        try:
+        with self._diagnostics.judging(source):
             response = enter(given)
-        except RedresError as error:
-            self._diagnostics.refuse(source, error)
-            return
-        # it goes out before its first command
-        if self._loop.mode.value != self._words.published.get(topics.MODE):
-            self._report()
-        if response is not None:
-            # The planner is to know of another scaling before the state after this one.
-            self._telemetry.publish_change(response.scaling)
-            command = response.command
-            message = to_joint_state(response.stamp, self._joints.names, command.q_ref, command.dq)
-            self._command_publisher.publish(message)
-            if self._forwarding:
-                self._forwarding.publish(command.q_ref)
-            self._loop.sent = time.monotonic()
-            self._telemetry.publish(response, self._controller.policy)
-        self._diagnostics.accept(source)
-        if self._loop.warning:
-            self._report()
+            # A new mode goes out before its first command.
+            if self._loop.mode.value != self._words.published.get(topics.MODE):
+                self._report()
+            if response is not None:
+                self._publish(response)
+            if self._loop.warning:
+                self._report()
+
+    def _publish(self, response: Response) -> None:
+        # The planner is to know of another scaling before the state after this one.
+        self._telemetry.publish_change(response.scaling)
+        command = response.command
+        message = to_joint_state(response.stamp, self._joints.names, command.q_ref, command.dq)
+        self._command_publisher.publish(message)
+        if self._forwarding:
+            self._forwarding.publish(command.q_ref)
+        self._loop.sent = time.monotonic()
+        self._telemetry.publish(response, self._controller.policy)
 
     def _report(self) -> None:
         """Publish a new mode, and log its reason."""

@@ -34,7 +34,7 @@ from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, LatchedWords, Telemetry
 from redres_ros.parameter import param
-from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings, check_age
+from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
 from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
@@ -45,6 +45,7 @@ _Begin = Callable[[], str]
 
 _PREVIEWED = 10.2  # [s] that are published of the path to come: the longest horizon of a law
 _PREVIEW_PERIOD = 0.1  # [s]
+_TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,10 @@ class PlannerNode(ManagedNode):
             x, R = from_pose(message, (self._frame, ''))
             self._check_ready()
             self._measured()
-            check_age(to_nanoseconds(message.header.stamp), self._run.cycles, time.time_ns())
+            stamp = to_nanoseconds(message.header.stamp)
+            _, problem = self._run.cycles.judge(stamp, time.time_ns(), _TARGET_TIMEOUT)
+            if problem:
+                raise GoalError(f'{problem} (a zero stamp means now)')
             self._begin_goal(self._goals.target(x, R))
 
     def _on_path(self, message: Path) -> None:

@@ -20,7 +20,7 @@ from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
 from redres_ros.limits.scene import touched
-from redres_ros.nodes.conversions import EncodingError, to_joint_state, to_nanoseconds, to_time
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_time
 from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
@@ -125,7 +125,6 @@ class SimNode(ManagedNode):
         self._reported_refusal: CommandError | None = None
         self._client_lives = False
         self._cycles_waited = 0
-        self._reset_requested = False
         self._create_interfaces(arm.description(), arm.kinematics().base_frame)
         self._start_life()
 
@@ -161,9 +160,6 @@ class SimNode(ManagedNode):
             self._publish_state()
             if not lockstep:
                 spinner.wait(_HEADSTART / self._settings.rate, self._arrival)
-            if self._reset_requested:
-                self._reset_requested = False
-                self._session.reset()
             self._robot.advance(*commands)
             self._publish_session()
             if lockstep:
@@ -250,23 +246,19 @@ class SimNode(ManagedNode):
     def _on_command(self, message: JointState) -> None:
         if not self.active:
             return
-        try:
-            stamp = _stamp(message)
-        except EncodingError as error:
-            self._diagnostics.refuse('joint_command', error)
-            return
-        self._receiver.put(stamp, message.name, np.array(message.position))
-        self._client_lives = True
-        self._arrival.set()
+        with self._diagnostics.judging('joint_command'):
+            self._receiver.put(_stamp(message), message.name, np.array(message.position))
+            self._client_lives = True
+            self._arrival.set()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
-        self._reset_requested = True
+        self._session.reset()
         message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'
         return Trigger.Response(success=True, message=message)
 
     def _begin(self) -> None:
-        self._reset_requested = True
+        self._session.reset()
 
     def _look(self) -> None:
         self._receiver.publishers = self.count_publishers('joint_command')

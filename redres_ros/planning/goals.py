@@ -15,7 +15,6 @@ from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import (
     JointPositions,
-    Nanoseconds,
     Points,
     Position,
     Rotation,
@@ -25,7 +24,6 @@ from redres_ros.types import (
 
 _FARTHEST = 60.0  # [s] that the end of a target_path may be ahead
 _ROUNDING = 1e-9  # of its speed
-_TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
 
 _Source = Planner | TargetFollower | None
 _Redirect = Callable[[_Source, Position, Rotation, TaskVelocity, Seconds], TargetFollower]
@@ -163,14 +161,3 @@ def _check_reach(model: RobotModel, points: Points) -> None:
     distance = float(np.linalg.norm(points - first.before[:3, 3], axis=1).max())
     if not distance <= length:
         raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
-
-
-def check_age(stamp: Nanoseconds, cycles: CycleCounter, time_of_day: Nanoseconds) -> None:
-    """Refuse a goal of long ago; a zero stamp means now.
-
-    One stamped by this computer's clock, which shows the time of day, counts by its arrival. Raises
-    GoalError if the stamp is more than a second from the robot's clock, and from this computer's.
-    """
-    _, problem = cycles.judge(stamp, time_of_day, _TARGET_TIMEOUT)
-    if problem:
-        raise GoalError(f'{problem} (a zero stamp means now)')

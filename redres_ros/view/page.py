@@ -82,7 +82,6 @@ class _Page:
                     self._show_slowly()
 
     def _add_panel(self) -> None:
-        """Add the panel on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
         with seen.add_tab('state'):
@@ -135,8 +134,6 @@ class _Page:
 
 @dataclass(frozen=True)
 class _ViewParameters:
-    """Parameters of the node."""
-
     port: int = param(8080, 'of the page; the next free one is taken', 1024, 65535)
     plugins: tuple[str, ...] = param(
         (NONE,), 'Python files with the laws, preferences and limits that the controller has'

@@ -64,7 +64,6 @@ class ArmScene:
         server.initial_camera.look_at = model.reach * _LOOK_AT
 
     def show(self, q: JointPositions) -> None:
-        """Move the arm."""
         pin.forwardKinematics(self._kinematics.model, self._data, q)
         for link, placement in zip(self._links, self._data.liMi[1:], strict=True):
             pose = placement.homogeneous
