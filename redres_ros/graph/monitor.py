@@ -22,15 +22,7 @@ from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import EncodingError, JointMapper, deserialised
 from redres_ros.nodes.robot_parameters import DESCRIPTION, make_arm
-from redres_ros.nodes.topics import (
-    LATCHED,
-    MODE,
-    NEWEST,
-    QUALITY,
-    REASON,
-    SESSION,
-    TASK_STATE,
-)
+from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import finite_vector
 

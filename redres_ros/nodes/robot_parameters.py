@@ -14,13 +14,7 @@ from std_msgs.msg import String
 from redres_ros.files.processes import handled
 from redres_ros.laws import HORIZON, LAWS, look_ahead
 from redres_ros.limits import LIMITS
-from redres_ros.nodes.parameters import (
-    NONE,
-    ParameterError,
-    declare,
-    declare_one,
-    named,
-)
+from redres_ros.nodes.parameters import NONE, ParameterError, declare, declare_one, named
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.parameter import Gain, Parameter, param
 from redres_ros.policy import Policy, make_policy

@@ -13,14 +13,7 @@ from redres_ros.planning.planner import Planner, TargetFollower, top_speed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel
-from redres_ros.types import (
-    JointPositions,
-    Points,
-    Position,
-    Rotation,
-    Seconds,
-    TaskVelocity,
-)
+from redres_ros.types import JointPositions, Points, Position, Rotation, Seconds, TaskVelocity
 
 _FARTHEST = 60.0  # [s] that the end of a target_path may be ahead
 _ROUNDING = 1e-9  # of its speed

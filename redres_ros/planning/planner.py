@@ -11,13 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.geometry import (
-    PEAK_ACCELERATION,
-    PEAK_SPEED,
-    quintic,
-    quintics,
-    rotation_matrix,
-)
+from redres_ros.geometry import PEAK_ACCELERATION, PEAK_SPEED, quintic, quintics, rotation_matrix
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preview import Preview
