@@ -20,10 +20,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
-from redres_ros.nodes.conversions import (
-    to_joint_state,
-    to_nanoseconds,
-)
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.runtime import own_domain, spun
 from redres_ros.nodes.topics import LATCHED, SESSION
 from redres_ros.planning.waypoints import load_task

@@ -9,12 +9,7 @@ import pytest
 from contact_scenes import APPROACH, RAMP, SLIDE, Pressing, pressed
 
 from redres_ros import Controller, RobotModel, make_law
-from redres_ros.contact import (
-    AdmittanceSettings,
-    ContactControl,
-    ContactError,
-    _ForceSensor,
-)
+from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError, _ForceSensor
 from redres_ros.errors import ArrayError, RangeError
 
 T = 0.002  # [s]

@@ -13,15 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32, String
 
 from redres_ros.controller import Controller
-from redres_ros.demo.observation import (
-    COMMANDS,
-    DESIRED,
-    LAW,
-    SEGMENT,
-    STATES,
-    Log,
-    replay,
-)
+from redres_ros.demo.observation import COMMANDS, DESIRED, LAW, SEGMENT, STATES, Log, replay
 from redres_ros.demo.outcome import motion_values
 from redres_ros.graph.monitor import Sample
 from redres_ros.laws import make_law

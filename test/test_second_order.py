@@ -7,12 +7,7 @@ import pytest
 
 from redres_ros import make_law, resolve
 from redres_ros.errors import UnknownNameError
-from redres_ros.paper.second_order import (
-    SCHEMES,
-    Scheme,
-    SecondOrderController,
-    step,
-)
+from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController, step
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]

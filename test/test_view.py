@@ -31,11 +31,7 @@ from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, NodeHealth, Sampler
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.controller_telemetry import (
-    Figures,
-    MotionTelemetry,
-    from_message,
-)
+from redres_ros.nodes.controller_telemetry import Figures, MotionTelemetry, from_message
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
