@@ -15,8 +15,8 @@ half as long again: numba counts the references to each member wherever it is re
                     largest x, y, z of a box to stay out of; centre, radius and side of a sphere,
                     1 to stay in, -1 to stay out
 
-In the rows of limits `who` (r, 2) is the pair that each belongs to. `max_point_jacobian` (n,) is
-how far a radian of each joint moves any point of the arm, at most [m].
+In the rows of limits `who` (r,) is the pair that each belongs to. `max_point_jacobian` (n,) is how
+far a radian of each joint moves any point of the arm, at most [m].
 
 Everything is written in scalars: numba compiles one expression of arrays as long as a whole loop.
 """
@@ -24,7 +24,7 @@ Everything is written in scalars: numba compiles one expression of arrays as lon
 import numpy as np
 from numba import float64, from_dtype, int64
 
-from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
+from redres_ros.kernels.compiled import compiled, matrix, part, several, vector
 
 BASE = -1  # in place of a joint's index
 
@@ -61,8 +61,8 @@ BODY = np.dtype(
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
-_PAIRS = int64[:, ::1]
-_SCENE = from_dtype(JOINT)[::1], from_dtype(BODY)[::1], _PAIRS, _ROWS
+_INDICES = int64[::1]
+_SCENE = from_dtype(JOINT)[::1], from_dtype(BODY)[::1], int64[:, ::1], _ROWS
 
 
 @part
@@ -282,7 +282,7 @@ def _add_motion(
         k = joints[k].parent
 
 
-@compiled(several(float64[:, ::1], float64[::1], int64[:, ::1])(vector(), float64, *_SCENE))
+@compiled(several(_ROWS, _VECTOR, _INDICES)(vector(), float64, *_SCENE))
 def approaches(
     q: np.ndarray,
     reach: float,
@@ -295,7 +295,7 @@ def approaches(
 
     Returns:
         Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and
-        which pair each belongs to, (r, 2). What no joint can change is left out.
+        which pair each belongs to, (r,). What no joint can change is left out.
     """
     n = len(q)
     frames = np.empty((n + 1, 3, 4))
@@ -306,7 +306,7 @@ def approaches(
     normal = np.empty(3)
     C = np.empty((len(pairs), n))
     distance = np.empty(len(pairs))
-    found = np.empty((len(pairs), 2), np.int64)
+    who = np.empty(len(pairs), np.int64)
     count = 0
     for pair in range(len(pairs)):
         i = pairs[pair, 0]
@@ -324,10 +324,9 @@ def approaches(
         for k in range(n):
             square += row[k] * row[k]
         if square > _NOTHING:
-            found[count, 0] = i
-            found[count, 1] = j
+            who[count] = pair
             count += 1
-    return C[:count], distance[:count], found[:count]
+    return C[:count], distance[:count], who[:count]
 
 
 @compiled(
@@ -406,21 +405,10 @@ def least_on_path(
             return least, ticks
 
 
-@inlined
-def _index_of(who: np.ndarray, near: int, one: int, other: int) -> int:
-    """Index of a pair in who (r, 2), which is likely to be `near`; -1 if it is not there."""
-    r = len(who)
-    for step in range(r):
-        i = (near + step) % r
-        if who[i, 0] == one and who[i, 1] == other:
-            return i
-    return -1
-
-
 @compiled(
-    several(_ROWS, _VECTOR, _PAIRS)(
-        *(matrix(), vector(), matrix(int64), vector(), matrix(int64)),
-        *(vector(), vector(), vector(), float64, float64, float64, float64, float64, float64),
+    several(_ROWS, _VECTOR, _INDICES)(
+        *(matrix(), vector(), vector(int64), vector(), vector(), vector(), vector()),
+        *(float64, float64, float64, float64, float64, float64),
     )
 )
 def braking_rows(
@@ -428,7 +416,6 @@ def braking_rows(
     distance: np.ndarray,
     who: np.ndarray,
     distance_now: np.ndarray,
-    who_now: np.ndarray,
     v: np.ndarray,
     slope: np.ndarray,
     A: np.ndarray,
@@ -442,15 +429,16 @@ def braking_rows(
     """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless every acceleration within
     the limits keeps it.
 
-    DistanceLimit says what these are. `lever` is the largest element of max_point_jacobian.
+    DistanceLimit says what these are. `distance_now` (P,) is that of each pair, infinite if it is
+    far; `lever` is the largest element of max_point_jacobian.
 
     Returns:
-        Rows (j, n), their upper ends (j,), and who approaches whom (j, 2).
+        Rows (j, n), their upper ends (j,), and which pair each belongs to, (j,).
     """
     r, n = C.shape
     rows = np.empty((r, n))
     high = np.empty(r)
-    pairs = np.empty((r, 2), np.int64)
+    kept = np.empty(r, np.int64)
     count = 0
     bend = 0.0  # how far the arm leaves the tangent, for a change of A T in every joint
     for j in range(n):
@@ -474,15 +462,12 @@ def braking_rows(
         size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
         # What is inside already comes out again as slowly as by the damper, and after the others:
         # nothing else gets inside for it.
-        if margin < 0.0:
-            now = _index_of(who_now, i, who[i, 0], who[i, 1])
-            if now >= 0 and distance_now[now] < clearance - _INSIDE:
-                margin *= min(rate * T, 1.0)
-                size /= _WEIGHT
+        if margin < 0.0 and distance_now[who[i]] < clearance - _INSIDE:
+            margin *= min(rate * T, 1.0)
+            size /= _WEIGHT
         for j in range(n):
             rows[count, j] *= size
         high[count] = size * (margin - bend + braking)
-        pairs[count, 0] = who[i, 0]
-        pairs[count, 1] = who[i, 1]
+        kept[count] = who[i]
         count += 1
-    return rows[:count], high[:count], pairs[:count]
+    return rows[:count], high[:count], kept[:count]

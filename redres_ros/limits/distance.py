@@ -16,7 +16,7 @@ from redres_ros.limits.joint import BrakingLimit
 from redres_ros.limits.limit import ReferenceState
 from redres_ros.limits.scene import OBSTACLES, WALLS, Shape, read_shapes
 from redres_ros.parameter import param
-from redres_ros.robots.kinematics import Bodies, Kinematics
+from redres_ros.robots.kinematics import Kinematics
 from redres_ros.solver import Rows
 from redres_ros.types import JointPositions, JointVelocities, Meters, Seconds
 
@@ -38,7 +38,7 @@ _POSTURES = 3  # random ones, in which a pair that a joint may bring nearer show
 _FACES = ('-x', '-y', '-z', '+x', '+y', '+z')  # of a box
 
 _ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
-_Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
+_Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], which pair (r,)
 
 
 class _Place(NamedTuple):
@@ -81,12 +81,11 @@ class _Scene(NamedTuple):
             np.array(pairs, np.int64).reshape(-1, 2),
             np.array(walls, np.float64).reshape(-1, 7),
         )
-        changed: set[tuple[int, int]] = set()
+        changes = np.zeros(len(every.pairs), bool)
         for q in np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, kinematics.n)):
             _, _, who = kernels.approaches(q, np.inf, *every)
-            changed.update(map(tuple, who.tolist()))
-        kept = [tuple(pair) in changed for pair in every.pairs.tolist()]
-        return every._replace(pairs=every.pairs[kept])
+            changes[who] = True
+        return every._replace(pairs=every.pairs[changes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,17 +131,8 @@ class DistanceLimit(BrakingLimit):
         """d_i."""
         return max(_INFLUENCE, 2.0 * self.clearance)
 
-    @cached_property
-    def _max_point_jacobian(self) -> np.ndarray:
-        """How far a radian of each joint moves any point of the arm, at most, (n,) [m]."""
-        return self.model.kinematics.max_point_jacobian
-
-    @cached_property
-    def _lever(self) -> Meters:
-        return float(self._max_point_jacobian.max())
-
     def approaches(self, q: JointPositions, reach: Meters) -> _Near:
-        """What is nearer than `reach`: C dq is the speed of approach [m/s]; who approaches whom."""
+        """The pairs nearer than `reach`: C with the speed of approach C dq, distances, indices."""
         return _kernels().approaches(q, reach, *self._scene)
 
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:
@@ -163,7 +153,7 @@ class DistanceLimit(BrakingLimit):
         _, _, who = _rows_at(self, state, T)
         if row >= len(who):
             return super().name(row - len(who), state, T)
-        return self._pair_name(*who[row].tolist())
+        return self._pair_name(*self._scene.pairs[who[row]].tolist())
 
     def can_be_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         """Whether no pair comes nearer than d_s, or than by braking at once, if the joints brake
@@ -178,8 +168,7 @@ class DistanceLimit(BrakingLimit):
         return bool((least >= np.minimum(least_braking, self.clearance)).all())
 
     def _clearance_rows(self, state: ReferenceState, T: Seconds) -> _ClearanceRows:
-        """Rows C dq <= high (r,) for which the arm keeps its clearance, and who approaches whom
-        (r, 2).
+        """Rows C dq <= high (r,) for which the arm keeps its clearance, and the pair of each (r,).
 
         Those that the acceleration limits imply are left out. There are two kinds, with d the
         distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
@@ -196,12 +185,12 @@ class DistanceLimit(BrakingLimit):
         so it keeps d >= d_s if the tick before did. That is why these rows can be kept for ever,
         however many pairs there are.
         """
-        kernels = _kernels()
         gap = state.tick.gap
+        levers = self.model.kinematics.max_point_jacobian  # (n,) [m]
         half = 0.5 * T * gap * state.dq_prev
         # How far any point may move, at most, if the joints brake after this tick.
         paths = (np.abs(state.dq_prev) + 2.0 * self.A * T) ** 2 / (2.0 * self.A)
-        farthest = gap * float(self._max_point_jacobian.dot(paths))
+        farthest = gap * float(levers.dot(paths))
         reach = max(self.influence, self.clearance + farthest) + farthest
         C, at_half, who = self.approaches(state.q + half, reach)
         distance = at_half + C.dot(half)
@@ -211,10 +200,12 @@ class DistanceLimit(BrakingLimit):
         is_damped = (distance < self.influence) & (fastest > high)
         found = [(C[is_damped], high[is_damped], who[is_damped])]
         if distance.min(initial=np.inf) <= self.clearance + farthest:
+            now = np.full(len(self._scene.pairs), np.inf)
+            now[who] = distance
+            own = (rate, self.clearance, float(levers.max()))
             for place in self._nearest_places(state, T):
-                own = (rate, self.clearance, self._lever)
                 braking = (place.v, place.slope, self.A, T, gap, place.ticks, *own)
-                found.append(kernels.braking_rows(*place.near, distance, who, *braking))
+                found.append(_kernels().braking_rows(*place.near, now, *braking))
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
@@ -241,7 +232,7 @@ class DistanceLimit(BrakingLimit):
     def _change(self, slope: np.ndarray, state: ReferenceState, T: Seconds) -> Meters:
         """The most by which this tick changes a distance at a place of this slope (n,) [s]."""
         steps = (slope + state.tick.gap * T) * self.A * T
-        return 2.0 * float(self._max_point_jacobian.dot(steps))
+        return 2.0 * float(self.model.kinematics.max_point_jacobian.dot(steps))
 
     def _least(
         self, state: ReferenceState, dq: JointVelocities, T: Seconds, step: int, enough: Meters
@@ -250,7 +241,8 @@ class DistanceLimit(BrakingLimit):
         brake, and after how many ticks, (P,); looked at every `step` ticks, and exact below
         `enough`.
         """
-        path = (state.q, dq, self.A, T, state.tick.gap, self._max_point_jacobian)
+        levers = self.model.kinematics.max_point_jacobian
+        path = (state.q, dq, self.A, T, state.tick.gap, levers)
         least, ticks = _kernels().least_on_path(*path, step, enough, *self._scene)
         return least, ticks
 
@@ -298,18 +290,13 @@ class CollisionLimit(DistanceLimit):
         super().__post_init__()
 
     @cached_property
-    def bodies(self) -> Bodies:
-        """Of the arm."""
-        return self.model.bodies
-
-    @cached_property
     def _scene(self) -> _Scene:
         """The bodies, and spheres that no joint moves after them; floors are walls."""
         shapes = read_shapes(self.obstacles, OBSTACLES)
         floors = [shape.numbers[0] for shape in shapes if shape.kind == 'floor']
         spheres = np.array([shape.numbers for shape in shapes if shape.kind == 'sphere'])
         spheres = spheres.reshape(-1, 4)
-        bodies = self.bodies
+        bodies = self.model.bodies
         number = len(bodies.links)
         pairs = bodies.pairs(self.influence).tolist()
         for body in range(number):
@@ -326,7 +313,7 @@ class CollisionLimit(DistanceLimit):
         )
 
     def _pair_name(self, one: int, other: int) -> str:
-        links = self.bodies.links
+        links = self.model.bodies.links
         names = (*links, *(f'sphere {k + 1}' for k in range(other - len(links) + 1)))
         return f'{links[one]} to {names[other] if other >= 0 else "floor"}'
 

@@ -109,7 +109,7 @@ class Kinematics:
         slides = np.array([joint.is_prismatic for joint in joints])
         return np.array(turns), np.array(offsets), np.array(self.leading, np.int64), slides
 
-    @property
+    @cached_property
     def max_point_jacobian(self) -> np.ndarray:
         """How far a radian, or a metre, of each joint moves any link's origin at most, (n,) [m]."""
         farthest = np.zeros(self.n)  # from the joint
