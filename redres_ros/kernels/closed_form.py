@@ -43,17 +43,6 @@ def _product_of_rows(A: np.ndarray, i: int, j: int) -> float:
 
 
 @part
-def _copied(A: np.ndarray) -> np.ndarray:
-    """A copy of A (m, n) whose rows are contiguous, as all functions below want them."""
-    m, n = A.shape
-    B = np.empty((m, n))
-    for i in range(m):
-        for j in range(n):
-            B[i, j] = A[i, j]
-    return B
-
-
-@part
 def _cholesky(U: np.ndarray) -> bool:
     """Write U of A = U'U over the upper triangle of A (n, n); whether A is positive definite."""
     for i in range(len(U)):
@@ -106,30 +95,21 @@ def _solve_transposed_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
         _solve_upper(F, X)
 
 
-@inlined
-def _substitute(R: np.ndarray, x: np.ndarray) -> None:
-    """x becomes R^-1 x, for a lower triangular R (m, m)."""
-    for k in range(len(x)):
-        for j in range(k):
-            x[k] -= R[k, j] * x[j]
-        x[k] /= R[k, k]
-
-
 @part
 def _make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
-    """The rows of Q (m, n) become orthonormal: before = R after, with R (m, m) lower triangular.
+    """The rows of Q (m, n) become orthonormal: before = R' after, with R (m, m) upper triangular.
 
-    The upper triangle of R stays as it is.
+    The lower triangle of R stays as it is.
     """
     for k in range(len(Q)):
         before = _product_of_rows(Q, k, k)
         after = before
         for j in range(k):
-            R[k, j] = 0.0
+            R[j, k] = 0.0
         for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
             for j in range(k):
                 along = _product_of_rows(Q, j, k)
-                R[k, j] += along
+                R[j, k] += along
                 for i in range(Q.shape[1]):
                     Q[k, i] -= along * Q[j, i]
             after = _product_of_rows(Q, k, k)
@@ -141,61 +121,55 @@ def _make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
 
 
 @part
-def _is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
+def _is_regular(R: np.ndarray, size: float) -> bool:
     """Whether no direction of a task needs damping; False also where it is a close call.
 
-    Its block of R (m, m) is lower triangular. The eigenvalues of R R' other than the smallest one
-    have a mean of at most trace / (m - 1). Hence the smallest one is at least
-    det / (trace / (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different
-    sizes, it is at least 1 / trace of the inverse. Singular values are judged against `size`, or
-    against the largest one if that is larger.
+    Its R (m, m) is upper triangular. The eigenvalues of R'R other than the smallest one have a mean
+    of at most trace / (m - 1). Hence the smallest one is at least det / (trace / (m - 1))^(m - 1).
+    Where this is too little, as for eigenvalues of different sizes, it is at least 1 / trace of the
+    inverse. Singular values are judged against `size`, or against the largest one if that is
+    larger.
     """
+    m = len(R)
     trace = 0.0
     root_of_det = 1.0
-    for k in range(begin, end):
-        for j in range(begin, k + 1):
-            trace += R[k, j] * R[k, j]
+    for k in range(m):
+        for j in range(k + 1):
+            trace += R[j, k] * R[j, k]
         root_of_det *= R[k, k]
-    needed = (
-        SINGULAR_RATIO * SINGULAR_RATIO * max(trace, size * size)
-    )  # the largest one is at most the trace
-    inverse_of_mean = (end - begin - 1) / trace
+    largest = max(trace, size * size)  # at least that of all eigenvalues
+    needed = SINGULAR_RATIO * SINGULAR_RATIO * largest
+    inverse_of_mean = (m - 1) / trace
     least = root_of_det * root_of_det
-    for _ in range(begin + 1, end):
+    for _ in range(1, m):
         least *= inverse_of_mean
     if least > needed:
         return True
-    trace_of_inverse = 0.0
-    column = np.empty(end)
-    for k in range(begin, end):  # of the inverse
-        for i in range(k, end):
-            column[i] = 1.0 if i == k else 0.0
-            for j in range(k, i):
-                column[i] -= R[i, j] * column[j]
-            column[i] /= R[i, i]
-            trace_of_inverse += column[i] * column[i]
-    return 1.0 / trace_of_inverse > needed
+    inverse = np.eye(m)
+    _solve_lower(R, inverse)
+    return 1.0 / np.sum(inverse**2) > needed
 
 
 @inlined
 def _are_regular(R: np.ndarray, first: int, size: float) -> bool:
     """Whether no task needs damping in what those before it leave; False also for close calls.
 
-    With J = R Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
+    With J = R'Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
     of those before it. Its singular values are judged against those of the whole Jacobian, whose
-    rows are as long as those of R. All lower tasks are judged as one: the smallest singular value
-    of their common block is at most that of each, and what it is judged against at least as large.
+    rows are as long as the columns of R. All lower tasks are judged as one: the smallest singular
+    value of their common block is at most that of each, and what it is judged against at least as
+    large.
     """
     for begin in range(0, first + 1, first):  # 0 and first; numba compiles a literal 0 apart
         if begin == len(R):
             break
         end = first if begin == 0 else len(R)
-        if not _is_regular(R, begin, end, size):
+        if not _is_regular(R[begin:end, begin:end], size):
             return False
         square = 0.0  # of all elements: at least that of the largest singular value
         for k in range(end, len(R)):
             for j in range(k + 1):
-                square += R[k, j] * R[k, j]
+                square += R[j, k] * R[j, k]
         size = np.sqrt(square)
     return True
 
@@ -207,7 +181,7 @@ def _add_weighted(
     """Add J_W^# r of the Jacobian J = Q to dq; whether W is positive definite.
 
     With W = F'F and y = F dq it is the least y with J F^-1 y = r. The rows of J F^-1 are made
-    orthonormal, J F^-1 = R Q: then y = Q' R^-1 r. That is Eq. (A.5),
+    orthonormal, J F^-1 = R'Q: then y = Q' R'^-1 r. That is Eq. (A.5),
     J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition. F is the weight as `form` says;
     Q, r and F are used up.
     """
@@ -215,7 +189,7 @@ def _add_weighted(
         return False
     _solve_transposed_factor(F, form, Q)
     _make_orthonormal(Q, R)
-    _substitute(R, r)
+    _solve_lower(R, r.reshape((1, len(r))))
     y = np.empty((1, len(dq)))
     for i in range(len(dq)):
         y[0, i] = 0.0
@@ -241,24 +215,24 @@ def _solution(
 ) -> int:
     """Write b + J_W^# (dx - J b), Eq. (A.13), into dq.
 
-    The task J dq = dx with J = R Q is the same as Q dq = R^-1 dx. Hence the result is also
-    b + Q_W^# r with r = R^-1 dx - Q b. The rows of Q are orthonormal, so without a weight
+    The task J dq = dx with J = R'Q is the same as Q dq = R'^-1 dx. Hence the result is also
+    b + Q_W^# r with r = R'^-1 dx - Q b. The rows of Q are orthonormal, so without a weight
     Q^# = Q'. Q comes as J, and r as dx; both are used up.
     """
     m, n = Q.shape
     if m > n:
         return SINGULAR
     R = np.empty((m, m))
-    _make_orthonormal(Q, R)  # J = R Q
+    _make_orthonormal(Q, R)  # J = R'Q
     if not _are_regular(R, first, size):
         return SINGULAR
-    _substitute(R, r)
+    _solve_lower(R, r.reshape((1, m)))
     for i in range(n):
         dq[i] = b[i]
         for k in range(m):
             r[k] -= Q[k, i] * b[i]
     if W is not None:
-        if not _add_weighted(Q, R, r, _copied(W), form, dq):
+        if not _add_weighted(Q, R, r, W.copy(), form, dq):
             return INDEFINITE
     else:
         for k in range(m):
@@ -335,13 +309,13 @@ def is_far(J: np.ndarray, ratio: float) -> bool:
     False also where it is a close call.
     """
     m = len(J)
-    Q = _copied(J)
+    Q = J.copy()
     R = np.empty((m, m))
     _make_orthonormal(Q, R)
     square = 0.0
     for k in range(m):
         for j in range(k + 1):
-            square += R[k, j] * R[k, j]
+            square += R[j, k] * R[j, k]
     return _are_regular(R, m, ratio / SINGULAR_RATIO * np.sqrt(square))
 
 
@@ -359,7 +333,7 @@ def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> Non
     """Each row x of X (k, n) becomes F^-1 x, or F'^-1 x, for an upper triangular F (n, n); a SQUARE
     comes with F'F in the place of F.
     """
-    U = _copied(F)
+    U = F.copy()
     if transposed:
         _solve_transposed_factor(U, form, X)
     else:
@@ -375,7 +349,7 @@ def free_motion(
 
     It is the velocity after one tick without any torque, Eq. (6), and with null-space damping.
     """
-    U = _copied(M)
+    U = M.copy()
     x = np.empty((1, len(n)))
     is_definite = _cholesky(U)
     for i in range(len(n)):
