@@ -5,7 +5,6 @@ the tables of the building blocks that have them: laws, preferences, tasks and l
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
-from functools import cache
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -53,12 +52,7 @@ def param(
 
 def parameters(of: Any) -> dict[Field[Any], Parameter]:
     """The fields of a dataclass, or of an instance, that were declared with `param`."""
-    return _declared(of if isinstance(of, type) else type(of))
-
-
-@cache
-def _declared(cls: Any) -> dict[Field[Any], Parameter]:
-    return {f: f.metadata[_KEY] for f in fields(cls) if _KEY in f.metadata}
+    return {f: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
 
 
 def check_parameters(instance: Any) -> None:
@@ -197,12 +191,10 @@ def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
 
 def check_once(kind: str, entries: Iterable[object]) -> None:
     """Raise RepeatedNameError for a name of that kind that is given twice; objects may repeat."""
-    seen = set()
-    for name in entries:
-        if isinstance(name, str) and name in seen:
+    names = [entry for entry in entries if isinstance(entry, str)]
+    for name in names:
+        if names.count(name) > 1:
             raise RepeatedNameError(kind, name)
-        if isinstance(name, str):
-            seen.add(name)
 
 
 def _key(kind: str, owner: str, gain: str) -> str:

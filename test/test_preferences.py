@@ -162,16 +162,6 @@ def test_an_open_posture_is_that_of_the_start(model, task):
     assert np.linalg.norm(second.dq - plain.update(task.start + 0.1, DX).dq) > 1e-4
 
 
-def test_a_joint_without_limits_has_no_middle(model, task):
-    endless = RobotModel(model.arm)
-    endless.q_max[2] = np.inf
-    endless.q_min[2] = -np.inf
-    ddq_N = JointCentering().acceleration(endless.state(task.start, np.zeros(7)))
-    assert ddq_N[2] == 0.0
-    assert np.isfinite(ddq_N).all()
-    assert ddq_N[0] != 0.0
-
-
 def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():
     model = RobotModel.named('lwr4')
     preference = JointLimitAvoidance(gain=40.0, margin=0.2, horizon=0.5)

@@ -147,7 +147,7 @@ def _is_regular(R: np.ndarray, size: float) -> bool:
         return True
     inverse = np.eye(m)
     _solve_lower(R, inverse)
-    return 1.0 / np.sum(inverse**2) > needed
+    return bool(1.0 / np.sum(inverse**2) > needed)
 
 
 @inlined

@@ -72,8 +72,6 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def _part(function: Callable[..., Any], inline: str) -> Any:
-    if _IN_PYTHON:
-        return function
     options: Any = {'inline': inline, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
     return numba.njit(error_model='numpy', **options)(function)
 

@@ -10,10 +10,7 @@ from redres_ros.kernels.boxes import ACCELERATION, END_SPEED, JERK, POSITION, VE
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import param
 from redres_ros.solver import Rows
-from redres_ros.types import (
-    JointAccelerations,
-    Seconds,
-)
+from redres_ros.types import JointAccelerations, Seconds
 
 # Fraction of the limits that a robot may see. It judges differences of positions, whose 16 digits
 # leave an acceleration 10 and a jerk 9 at 1 kHz.
@@ -60,7 +57,6 @@ class AccelerationLimit(BrakingLimit, JointLimit):
     brakes before the end of its reach, and each direction of dx has a scaling of its own.
     """
 
-    order = 0
     box = ACCELERATION
 
     reach: float = param(
@@ -88,7 +84,6 @@ class JerkLimit(JointLimit):
     Raises ArrayError if there are none either.
     """
 
-    order = -1
     box = JERK
 
     jerk: tuple[float, ...] = ()  # [rad/s^3]; empty for the arm's table
@@ -113,7 +108,6 @@ class JerkLimit(JointLimit):
 class VelocityLimit(JointLimit):
     """|dq| <= V. A joint that is faster brakes as hard as it may."""
 
-    order = 1
     box = VELOCITY
 
     def _enter(self, limits: np.ndarray) -> None:
@@ -130,7 +124,6 @@ class PositionLimit(BrakingLimit, JointLimit):
     the end of its range. Raises ArrayError if the margin leaves nothing of a joint's range.
     """
 
-    order = 2
     box = POSITION
 
     margin: float = param(
@@ -169,7 +162,6 @@ class EndSpeedLimit(BrakingLimit, JointLimit):
     on positions with these ends. An arm without end_speeds keeps to the ends of its range.
     """
 
-    order = 3
     box = END_SPEED
 
     def _enter(self, limits: np.ndarray) -> None:

@@ -15,11 +15,7 @@ from redres_ros.kernels.boxes import (
     stopping_speed,
     within,
 )
-from redres_ros.limits.component_scaling import (
-    Yielding,
-    solve_components,
-    split_components,
-)
+from redres_ros.limits.component_scaling import Yielding, solve_components, split_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import check_once
@@ -139,13 +135,13 @@ class Limits:
     """
 
     def __init__(self, model: RobotModel, names: Mapping[Limit, str]) -> None:
-        in_order = sorted(names, key=lambda limit: limit.order)
-        joint_limits = [limit for limit in in_order if isinstance(limit, JointLimit)]
+        joint_limits = [limit for limit in names if isinstance(limit, JointLimit)]
+        row_limits = [limit for limit in names if not isinstance(limit, JointLimit)]
         check_once('limit', [names[limit] for limit in joint_limits])
         self.model = model
         self.names = names
-        self.joint_limits = tuple(joint_limits)
-        self.row_limits = tuple(limit for limit in in_order if not isinstance(limit, JointLimit))
+        self.joint_limits = sorted(joint_limits, key=lambda limit: limit.box)
+        self.row_limits = sorted(row_limits, key=lambda limit: limit.order)
         self._joints = np.full(model.n, NO_LIMITS)
         for limit in joint_limits:
             limit._enter(self._joints)

@@ -58,14 +58,12 @@ class Preference(ABC):
 class JointCentering(Preference):
     """The middle of the joint ranges: ddq_N = -k dH/dq.
 
-    H = 1/(2n) sum ((q_i - m_i) / (q_max,i - q_min,i))^2, m the middles. A joint without limits has
-    no middle and no part in it.
+    H = 1/(2n) sum ((q_i - m_i) / (q_max,i - q_min,i))^2, m the middles.
     """
 
     def acceleration(self, state: RobotState) -> JointAccelerations:
         width = state.model.q_max - state.model.q_min  # (n,) [rad]
-        lower = np.where(np.isfinite(width), state.model.q_min, state.q)
-        offset = np.where(np.isfinite(width), state.q - lower - width / 2.0, 0.0)
+        offset = state.q - state.model.q_min - width / 2.0
         return -self.gain * offset / (len(offset) * width**2)
 
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.errors import ArrayError
 from redres_ros.robots.arm import Arm, EndSpeed
 from redres_ros.types import JointAccelerations, JointPositions, JointVelocities
 
@@ -22,15 +21,9 @@ class JointLimits:
 
     @classmethod
     def of(cls, arm: Arm) -> 'JointLimits':
-        """Raises as `Arm.description`, and ArrayError for accelerations that are not above zero."""
+        """Raises as `Arm.description`."""
         kinematics = arm.kinematics()
-        acceleration = np.full(kinematics.n, np.inf)  # (n,) [rad/s^2]
-        if arm.acceleration_limit:
-            acceleration = np.array(arm.acceleration_limit)
-        if not (acceleration > 0.0).all():
-            raise ArrayError(
-                f'acceleration_limit is {arm.acceleration_limit}; expected values above zero'
-            )
+        acceleration = np.array(arm.acceleration_limit or (np.inf,) * kinematics.n)
         return cls(
             tuple(joint.name for joint in kinematics.joints),
             kinematics.lower,

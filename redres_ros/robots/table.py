@@ -106,9 +106,6 @@ ARMS: dict[str, Arm] = {
 }
 
 
-ALLOWED = (*ARMS, 'a path ending in .urdf')  # in words
-
-
 def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name, with fields set to other values.
 
@@ -148,5 +145,5 @@ def choose_arm(
         }
         return find_arm(robot, **{name: value for name, value in given.items() if value})
     if Path(robot).suffix not in ('.urdf', '.xacro'):  # which is refused with a remedy
-        raise UnknownNameError('robot', robot, (*ALLOWED, *others))
+        raise UnknownNameError('robot', robot, (*ARMS, 'a path ending in .urdf', *others))
     return arm_from_urdf(Path(robot), tip_frame, elbow_frame, acceleration_limit=acceleration_limit)

@@ -3,7 +3,7 @@ files, without a display.
 """
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -48,19 +48,17 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(path, dpi=130)
 
 
-def time_panels(
-    count: int, title: str, size: tuple[float, float], heights: Sequence[float] | None = None
-) -> tuple[Figure, list[Axes]]:
+def time_panels(count: int, title: str, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
     """A figure of some size [in] with panels above each other over one time axis."""
     figure = Figure(figsize=size, layout='constrained')
-    panels = _panels(figure, count, heights)
+    panels = _panels(figure, count)
     panels[0].set_title(title)
     return figure, panels
 
 
-def _panels(place: Any, count: int, heights: Sequence[float] | None = None) -> list[Axes]:
+def _panels(place: Any, count: int) -> list[Axes]:
     """Panels above each other over one time axis, in a figure or a part of it."""
-    panels = list(np.atleast_1d(place.subplots(count, 1, sharex=True, height_ratios=heights)))
+    panels = list(np.atleast_1d(place.subplots(count, 1, sharex=True)))
     panels[-1].set_xlabel('time [s]')
     for ax in panels:
         ax.grid(alpha=0.3)

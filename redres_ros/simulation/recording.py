@@ -11,7 +11,6 @@ from redres_ros.command import VALUES, Command, norm
 from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.types import Jacobian, Seconds
 
 _SINGULAR = 'min_singular_value'
@@ -145,16 +144,15 @@ class Effort:
 
 def _first_violation(recording: Recording, model: RobotModel, with_torque: bool) -> str:
     """The first joint beyond one of its limits, how and when; empty if all are kept."""
-    limits = JointLimits.of(model.arm)
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
     ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # from rest, Eq. (13)
-    tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
+    tolerance = _ROUNDING * (model.q_max - model.q_min)  # (n,)
     more = 1.0 + _ROUNDING
     beyond = {
-        'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
-        'velocity': np.abs(dq) > more * limits.velocity,
-        'acceleration': np.abs(ddq) > more * limits.acceleration,
+        'position': (q < model.q_min - tolerance) | (q > model.q_max + tolerance),
+        'velocity': np.abs(dq) > more * model.dq_max,
+        'acceleration': np.abs(ddq) > more * np.array(model.arm.acceleration_limit or np.inf),
     }
     if with_torque:
         before = np.vstack((np.zeros_like(dq[:1]), dq[:-1]))
@@ -164,7 +162,7 @@ def _first_violation(recording: Recording, model: RobotModel, with_torque: bool)
     for kind, where in beyond.items():
         if where.any():
             tick, joint = np.argwhere(where)[0]
-            found.append((float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}'))
+            found.append((float(recording['t'][tick]), f'{model.joint_names[joint]} {kind}'))
     if not found:
         return ''
     t, what = min(found)

@@ -134,11 +134,7 @@ def comparison_tables(
             'the last column is the share of what the first law could gain'
         )
     return (
-        _table(
-            ['law', *_PEAKS.values(), 'within the limits, torque too?'],
-            worst,
-            title=title,
-        ),
+        _table(['law', *_PEAKS.values(), 'within the limits, torque too?'], worst, title=title),
         _table(heads, whole, note='\n'.join(notes)),
     )
 
