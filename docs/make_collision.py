@@ -66,8 +66,7 @@ def distances(model: RobotModel, recording: Recording) -> np.ndarray:
     found = []
     for q in recording.vectors('q1'):
         _, distance, who = seen.approaches(q, 1.0)
-        other = seen._scene.pairs[who, 1]
-        found.append(distance[other >= len(model.bodies.links)].min())
+        found.append(distance[seen._scene.pairs[who, 1] >= len(model.bodies.links)].min())
     return np.array(found)
 
 
