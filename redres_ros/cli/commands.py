@@ -28,7 +28,6 @@ _HEADS = {
 
 
 def add(commands: Any) -> None:
-    """Declare the subcommands."""
     claims = "the paper's figures and claims, without ROS"
     reproduce = add_command(commands, _reproduce, claims, '--out figures')
     out = Path('redres_reproduce')
@@ -140,7 +139,6 @@ def _laws(options: argparse.Namespace) -> int:
 
 
 def _shown(default: Any) -> str:
-    """A gain's default."""
     if isinstance(default, float):
         return f'{default:g}'
     if isinstance(default, tuple):

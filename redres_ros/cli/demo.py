@@ -27,7 +27,6 @@ _FILES = ('motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
 
 
 def add(commands: Any) -> None:
-    """Declare the subcommand."""
     demo = add_command(
         commands,
         _demo,

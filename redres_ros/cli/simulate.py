@@ -24,7 +24,6 @@ _LAWS = 'minimum_velocity,minimum_acceleration,minimum_acceleration@horizon=2'
 
 
 def add(commands: Any) -> None:
-    """Declare the subcommands."""
     simulate = add_command(
         commands,
         _simulate,

@@ -67,7 +67,6 @@ class Demo:
 
     @property
     def title(self) -> str:
-        """Law, rate and limits."""
         law = label(self.make_law(self.parameters['law']))
         limits = ', '.join(self.parameters['limits'])
         return f'{law} at {self.parameters["rate"]:g} Hz, limits: {limits}'

@@ -14,8 +14,6 @@ _STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as
 
 
 class Outcome(NamedTuple):
-    """The outcome of a demo."""
-
     recording: Recording
     summary: Mapping[str, Any]  # how it ended, in words, and `motion_values`
     forces: np.ndarray  # times [s], and forces on the tip in the base frame [N], (N, 4)

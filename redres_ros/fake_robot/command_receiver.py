@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from redres_ros.errors import JointNamesError
 from redres_ros.fake_robot.faults import NetworkModel
 from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
@@ -19,8 +20,6 @@ _CONTEST = 1.0  # [s] for which publishers count as rivals after a state got two
 
 
 class _ArrivedCommand(NamedTuple):
-    """What a client sent, as it came."""
-
     stamp: Nanoseconds  # of the state that it is for
     names: Sequence[str]
     positions: np.ndarray  # [rad], one for each name, if all is well
@@ -112,19 +111,13 @@ class CommandReceiver:
         names = arrival.names
         expected = self._robot.plant.joint_names
         if sorted(names) != sorted(expected):
-            raise CommandError(
-                'wrong joint names',
-                f'got joints {", ".join(names) or "without names"}; '
-                f'expected {", ".join(expected)} in any order',
-            )
+            raise CommandError('wrong joint names', str(JointNamesError(names, expected)))
         if arrival.positions.shape != (len(names),):
             raise CommandError(
                 'wrong length',
                 f'got {arrival.positions.size} positions; expected {len(names)}, one a joint',
             )
-        for name, position in zip(names, arrival.positions, strict=True):
-            if not math.isfinite(position):
-                raise CommandError(
-                    'not finite', f'{name} commanded {position} rad; expected a finite value'
-                )
-        return np.array([arrival.positions[names.index(name)] for name in expected])
+        q = np.array([arrival.positions[names.index(name)] for name in expected])
+        if not np.isfinite(q).all():
+            raise CommandError('not finite', f'got {q.tolist()} rad; expected finite values')
+        return q

@@ -145,7 +145,6 @@ class _ReferenceInterpolator:
         self._closing = np.zeros_like(command)  # (n,) part of the lag that the last cycle closed
 
     def follow(self, command: JointPositions) -> None:
-        """Move on to the next command."""
         lag = self.command - self.reference  # (n,)
         change = _CATCH_UP * self._max_change  # (n,)
         # A lag d is closed at sqrt(a d): a braking curve at half of the acceleration a that the

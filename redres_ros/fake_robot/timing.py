@@ -19,8 +19,6 @@ _BOUNDS = {
 
 
 class TimingMonitor:
-    """Monitors the timing of one client, packet by packet."""
-
     def __init__(self, period: Seconds) -> None:
         self._period = period
         self._latenesses: deque[Cycles | None] = deque(maxlen=WINDOW)

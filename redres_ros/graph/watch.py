@@ -35,8 +35,6 @@ _FOLLOWED = {ACTIVE_LIMITS: String, PROGRESS: Float64, _SEGMENT: Int32, _ERROR: 
 
 
 class _Row(NamedTuple):
-    """A line of the page."""
-
     topic: str
     label: str
     unit: str = ''

@@ -50,8 +50,6 @@ _TARGET_TIMEOUT = 1.0  # [s] largest age of a target_pose
 
 @dataclass(frozen=True)
 class _PlannerParameters(ListenerParameters):
-    """Parameters of the node beside those of the arm."""
-
     task: str = param(
         '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
     )

@@ -97,8 +97,6 @@ def _await_description(node: Node) -> str:
 
 @dataclass(frozen=True)
 class _PolicySettings:
-    """Which law, limits, preferences and tasks are in use."""
-
     law: str = param('minimum_acceleration', 'redundancy resolution law', choices=LAWS, live=True)
     limits: tuple[str, ...] = param(
         ('position', 'velocity', 'acceleration'),

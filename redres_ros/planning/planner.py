@@ -76,10 +76,8 @@ class Planner:
     A tip that starts farther than 5 mm from x_0 has a first segment of its own to there, no faster
     than the fastest one of the task. A task without orientations holds the first one.
 
-    Args:
-        feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
-            orientation. Errors that need more come from an interruption, and a jump in velocity
-            would be the response to them.
+    The feedback adds no more speed than its limit [m/s], [rad/s] for the orientation: larger
+    errors come from an interruption, and a jump in velocity would be the response to them.
     """
 
     def __init__(
@@ -118,13 +116,12 @@ class Planner:
         unachieved: TaskVelocity | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """The reference for a tip at x and R, without R for the position alone.
+        """The reference for a tip at x and R, without R for the position alone, at a time t of the
+        task, which never goes back, and advances by s T where the arm executes the fraction s of
+        the velocity.
 
-        Args:
-            t: Time of the task since it began; it never goes back. Where the arm executes the
-                fraction s of the velocity, it advances by s T.
-            unachieved: The part of the last dx that a singularity blocks.
-            rate: Factor on the velocity along the path, for a clock that is going slower.
+        `unachieved` is the part of the last dx that a singularity blocks, `rate` a factor on the
+        velocity along the path, for a clock that is going slower.
         """
         if self._turns is None and R is not None:
             self._turns = np.tile(R, (len(self._points), 1, 1))

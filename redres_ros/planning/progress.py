@@ -28,7 +28,6 @@ class ProgressMonitor:
         self.begin()
 
     def begin(self) -> None:
-        """A motion begins."""
         self.remark = ''
         self.idle: Seconds = 0.0
         self._segment = -1

@@ -64,7 +64,6 @@ class TaskClock:
 
     @property
     def follows(self) -> bool:
-        """Whether the controller follows."""
         return self._standing < self._limit
 
     @property

@@ -30,8 +30,6 @@ _MOVING = 'moving'
 
 
 class TaskState(Enum):
-    """The state of a task."""
-
     IDLE = 'idle'
     WAITING = 'waiting'  # for a robot that takes commands and a controller that follows
     HOMING = 'homing'  # in joint space
@@ -133,7 +131,6 @@ class TaskExecutor:
         self.state = TaskState.WAITING if path is None else TaskState.HOMING
 
     def stop(self) -> None:
-        """Drop the goal."""
         self._execution = None
         self._step = None
         self._ending = ''

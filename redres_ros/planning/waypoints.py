@@ -65,7 +65,6 @@ class WaypointTask:
 
     @property
     def segments(self) -> int:
-        """Number of segments, one less than the waypoints."""
         return len(self.waypoints) - 1
 
     def check_joints(self, n: int) -> None:

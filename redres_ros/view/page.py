@@ -179,7 +179,6 @@ class _ViewNode(GraphMonitor):
 
 
 def main(arguments: list[str] | None = None, domain: int | None = None) -> int:
-    """Console entry point."""
     os.nice(_NICENESS)
     return run_nodes(_ViewNode, arguments=arguments, domain=domain)
 
