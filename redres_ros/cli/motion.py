@@ -11,7 +11,7 @@ from redres_ros.cli.options import NONE, OptionError, number_in, read_settings
 from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Gain, Parameter, check_once, check_value
+from redres_ros.parameter import Gain, Parameter, check_value
 from redres_ros.planning.waypoints import WaypointTask, load_task, task_for
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
@@ -200,7 +200,6 @@ def _check_scales(case: Case) -> None:
     if case.limits:
         from redres_ros.limits import LIMITS
 
-        check_once('limit', case.limits)
         for name in case.limits:
             if name not in LIMITS:
                 raise UnknownNameError('limit', name, [*LIMITS, NONE])

@@ -197,7 +197,6 @@ class FaultyPlant:
         return shown
 
     def step(self, q_ref: JointPositions) -> None:
-        """Move for one cycle, during which the reference goes on to q_ref."""
         faults = self.faults  # one for the whole cycle
         self.true.push(np.array(faults.push_force), faults.push_link)
         self.true.step(q_ref)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from redres_ros.errors import RedresError
 from redres_ros.fake_robot.profile import PROFILES, Event, Reflex
 from redres_ros.fake_robot.timing import TimingMonitor
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import param
 from redres_ros.types import Cycles, Radians, Seconds
 
 _ENTRY_TOLERANCE = 0.01  # [rad] from the mirrored position to the first command; a figure of ours
@@ -33,9 +33,6 @@ class SessionSettings:
     monitor_time: float = param(
         0.5, 'duration of good timing required before command mode; 0: none [s]', 0.0, 60.0
     )
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
 
 class Session:

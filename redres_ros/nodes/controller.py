@@ -54,7 +54,6 @@ _Enter = Callable[[Any], Response | None]
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _LARGEST_PREVIEW = 20_000  # bytes, some 250 poses: reading more takes several cycles
-_POSE = 6  # rows of a pose task
 _REPEAT = 5.0  # [s] after which a warning is logged again
 
 
@@ -190,7 +189,7 @@ class ControllerNode(ManagedNode):
             if len(data) > _LARGEST_PREVIEW:
                 raise RedresError(f'{len(data)} bytes; allowed: {_LARGEST_PREVIEW}')
             message = deserialised(data, Path)
-            preview = from_path(message, self._base_frames, self._rows == _POSE)
+            preview = from_path(message, self._base_frames, self._rows > 3)
             self._loop.preview = to_nanoseconds(message.header.stamp), preview
 
     def _respond_if_due(self) -> None:

@@ -46,7 +46,6 @@ class Sensors:
     ) -> None:
         self._node = node
         self._controller = controller
-        self._rows = controller.m  # of the task velocity
         self._loop = loop
         self._contact = loop.measurements.contact
         self._diagnostics = diagnostics
@@ -60,7 +59,7 @@ class Sensors:
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
         settings = with_changes(self._contact.settings, changes, ADMITTANCE)
-        settings.check(self._rows)
+        settings.check(self._controller.m)
         if settings.frame not in (BASE, TIP):
             model = self._controller.model
             model.position(np.zeros(model.n), settings.frame)

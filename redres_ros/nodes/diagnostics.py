@@ -71,7 +71,8 @@ class Diagnostics:
         silence = 'no joint_states' if self.silent else ''
         inactive = '' if self._node.active else self._node.life
         error = silence or error
-        warning = self.reasons or inactive or warning
+        refused = ', '.join(episode.problem for episode in self._bad.values())
+        warning = refused or inactive or warning
         level = DiagnosticStatus.WARN if warning else DiagnosticStatus.OK
         values = {**values, 'messages refused': self._refused}
         status = DiagnosticStatus(
@@ -104,11 +105,6 @@ class Diagnostics:
             self.refuse(source, error)
         else:
             self.accept(source)
-
-    @property
-    def reasons(self) -> str:
-        """What is bad at present, or was a moment ago, and why; empty when all is well."""
-        return ', '.join(episode.problem for episode in self._bad.values())
 
     @property
     def silent(self) -> bool:

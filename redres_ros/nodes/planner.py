@@ -64,8 +64,7 @@ class PlannerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('planner')
         robot, arm = declare_robot(self, has_dynamics=False)
-        settings = declare(self, _PlannerParameters())
-        self._settings = settings
+        settings = self._settings = declare(self, _PlannerParameters())
         self._model = RobotModel(arm)
         name = settings.task
         self._task = load_task(name) if name else task_for(arm, robot)

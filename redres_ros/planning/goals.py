@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import param
 from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import Planner, TargetFollower, top_speed
 from redres_ros.planning.waypoints import WaypointTask
@@ -61,9 +61,6 @@ class GoalSettings:
         1e-3,
         10.0,
     )
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
 
 class Goals:
