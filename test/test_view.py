@@ -31,7 +31,7 @@ from redres_ros.graph.client import CallError
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm, NodeHealth, Sampler
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.controller_telemetry import Figures, MotionTelemetry, from_message
+from redres_ros.nodes.controller_telemetry import MotionTelemetry, from_message
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
@@ -178,7 +178,7 @@ def motion() -> SimpleNamespace:
 def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
     message = Float64MultiArray(data=[*range(7), *np.arange(2.0)])
     figures, q = from_message(message, 2)
-    assert (figures, q.tolist()) == (Figures(*range(7)), [0.0, 1.0])
+    assert (list(figures.values()), q.tolist()) == ([*range(7)], [0.0, 1.0])
     with pytest.raises(ArrayError, match='9 numbers; expected 14'):
         from_message(message, 7)
     message.data[3] = np.nan
@@ -216,10 +216,10 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
     for (figures, q), first in zip(reported, count(0, 25), strict=False):
         since = motion.commands[first : first + 25]
         newest = since[-1]
-        assert figures.joint_velocity_norm == max(norm(each.dq) for each in since)
-        assert figures.joint_acceleration_norm == max(norm(each.ddq) for each in since)
-        assert figures.joint_torque_norm == norm(newest.tau)
-        assert figures.task_scaling == newest.s
+        assert figures['joint_velocity_norm'] == max(norm(each.dq) for each in since)
+        assert figures['joint_acceleration_norm'] == max(norm(each.ddq) for each in since)
+        assert figures['joint_torque_norm'] == norm(newest.tau)
+        assert figures['task_scaling'] == newest.s
         assert np.array_equal(q, newest.state.q)
 
 

@@ -33,10 +33,8 @@ def load_plugin(path: str | Path) -> tuple[str, ...]:
     which they can be used now.
 
     Names are those of the tables: `WristFirst` becomes wrist_first. The Python file is
-    executed as any program is, but only once.
-
-    Raises:
-        PluginError: The file cannot be loaded, defines no such class, or one whose name is taken.
+    executed as any program is, but only once. Raises PluginError for one that cannot be loaded,
+    defines no such class, or one whose name is taken.
     """
     file = Path(path).resolve()
     if file not in _loaded:

@@ -107,7 +107,7 @@ class Watch(GraphMonitor):
             # A snapshot has all figures: subscribing to each would cost the controller time.
             for figures in self._arm.look()[-1:]:
                 for name in VALUES:
-                    self.keep(f'controller/{name}', getattr(figures, name))
+                    self.keep(f'controller/{name}', figures[name])
             if self._arm.q is not before:  # measured anew, if not by the controller
                 x, _ = self._arm.model.tip(self._arm.q)
                 self.keep(_TIP, '  '.join(f'{value:+.4f}' for value in x))

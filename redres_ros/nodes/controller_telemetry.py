@@ -6,7 +6,6 @@ time.
 """
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -42,20 +41,10 @@ _TYPES = {
 _SCALING_PERIOD = 0.008
 _LIMITS_PERIOD = 0.1  # [s] between two messages of the active limits
 
-
-class Figures(NamedTuple):
-    """Values of one instant, named as the topics; those of dq and ddq: the largest since the last.
-
-    The time is that of the robot's clock.
-    """
-
-    time: Seconds
-    joint_velocity_norm: float
-    joint_acceleration_norm: float
-    null_velocity_norm: float
-    joint_torque_norm: float
-    min_singular_value: float
-    task_scaling: float
+# Values of one instant, named as the topics; those of dq and ddq: the largest since the last. The
+# time [s] is that of the robot's clock.
+Figures = dict[str, float]
+_FIGURES = ('time', *VALUES)
 
 
 def from_message(message: Float64MultiArray, n: int) -> tuple[Figures, JointPositions]:
@@ -63,11 +52,11 @@ def from_message(message: Float64MultiArray, n: int) -> tuple[Figures, JointPosi
     any other message, NaN or infinity.
     """
     data = np.array(message.data)
-    head = len(Figures._fields)
+    head = len(_FIGURES)
     if data.shape != (head + n,):
         raise ArrayError(f'a snapshot of {data.size} numbers; expected {head + n}')
     check_finite(data, 'a snapshot')
-    return Figures(*data[:head].tolist()), data[head:]
+    return dict(zip(_FIGURES, data[:head].tolist(), strict=True)), data[head:]
 
 
 class MotionTelemetry:
@@ -119,8 +108,9 @@ class MotionTelemetry:
         values = {name: value(response.command) for name, value in VALUES.items()}
         values['joint_velocity_norm'] = self._speed
         values['joint_acceleration_norm'] = self._acceleration
-        figures = Figures(response.stamp / NANOSECONDS, **values)
-        return Float64MultiArray(data=[*figures, *response.command.state.q.tolist()])
+        q = response.command.state.q
+        time = response.stamp / NANOSECONDS  # [s]
+        return Float64MultiArray(data=[time, *values.values(), *q.tolist()])
 
     def _tip_pose(self, response: Response) -> PoseStamped:
         x, R = response.command.state.model.tip(response.q)

@@ -38,11 +38,8 @@ class ProgressMonitor:
     def enter(
         self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
     ) -> bool:
-        """Enter the seconds since the last call, and where the motion is; whether it is given up.
-
-        Args:
-            left: Part of the segment's time; 0 once it should be over.
-            error: Distance from its end, in any unit; `distance` is the same in words.
+        """Enter the seconds since the last call and where the motion is: what is left of the
+        segment's time, and how far its end is, in any unit and in words. Whether it is given up.
         """
         goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
         comes_nearer = left <= 0.0 and error < _FRACTION * self._error

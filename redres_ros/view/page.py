@@ -96,7 +96,7 @@ class _Page:
         figures = self._arm.look()
         if not figures:
             return
-        if self._figures and figures[0].time < self._figures[-1].time:
+        if self._figures and figures[0]['time'] < self._figures[-1]['time']:
             self._clear()  # the robot has another clock
         self._figures.extend(figures)
         for name, place in self._scene.traced(self._arm.q).items():

@@ -7,6 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from redres_ros.command import VALUES
 from redres_ros.graph.monitor import NodeHealth
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
@@ -91,11 +92,9 @@ def _dim(text: str) -> str:
 
 
 class Plots:
-    """One small plot for each figure."""
-
     def __init__(self, gui: viser.GuiApi) -> None:
         self._handles = {}
-        for figure in Figures._fields[1:]:  # all but the time
+        for figure in VALUES:
             title, least = AXES[figure]
             # Axes begin at zero and show at least so much.
             top = {'pad': 0.05, 'soft': least, 'mode': 1}
@@ -116,6 +115,6 @@ class Plots:
 
     def show(self, figures: Sequence[Figures]) -> None:
         """Draw figures over time, the newest one last."""
-        seconds = np.array([each.time for each in figures]) - figures[-1].time
+        seconds = np.array([each['time'] for each in figures]) - figures[-1]['time']
         for figure, handle in self._handles.items():
-            handle.data = (seconds, np.array([getattr(each, figure) for each in figures]))
+            handle.data = (seconds, np.array([each[figure] for each in figures]))
