@@ -56,9 +56,7 @@ class CommandReceiver:
         self._arrivals.append(_ArrivedCommand(stamp, names, positions, now))
 
     def take(self) -> list[ClientCommand]:
-        """The valid commands since the last call, in the order of their ticks; of two for the same
-        state the first.
-        """
+        """The valid commands since the last call, ordered by tick; of two for a state the first."""
         tick = self._robot.tick
         while self._arrivals:
             self.network.send(self._arrivals.popleft()._replace(tick=tick), tick)

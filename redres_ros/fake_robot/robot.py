@@ -162,9 +162,7 @@ class _ReferenceInterpolator:
         self._move(self.reference + (self.step - change))
 
     def _move(self, target: JointPositions) -> None:
-        """Go to the target or as near as the limits allow; an arm beyond a position limit can only
-        come back.
-        """
+        """Go as near to the target as the limits allow; from beyond a position limit only back."""
         last = self.reference
         limits = self._limits
         upper = np.minimum(np.maximum(limits.upper, last), last + self._max_step)

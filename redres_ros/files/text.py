@@ -26,9 +26,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def read_text(path: Path) -> str:
-    """The content of a file, in UTF-8. Raises FileError, also for a pipe or a device: reading some
-    has no end.
-    """
+    """The UTF-8 text of a file. Raises FileError, also for a pipe or device, which may not end."""
     with _attempting(f'read {path}'):
         if path.exists() and not path.is_file():
             raise ValueError('it is no regular file')

@@ -74,9 +74,7 @@ class Watch(GraphMonitor):
         self.on_parameters = self._on_parameters
 
     def run(self, duration: float | None = None) -> None:
-        """Show the page for that time [s], or until Ctrl-C; print it once a second in a pipe or a
-        file.
-        """
+        """Show the page for that time [s], or until Ctrl-C; outside a terminal once a second."""
         until = time.monotonic() + duration if duration is not None else math.inf
         console = Console()
         live = Live(self._page(), console=console, refresh_per_second=_REFRESH)

@@ -1,6 +1,4 @@
-"""The controller's interfaces beside states and velocities: what sensors measure, and commands for
-ros2_control.
-"""
+"""The controller's other interfaces: what sensors measure, and commands for ros2_control."""
 
 import time
 from collections.abc import Callable, Sequence

@@ -1,6 +1,4 @@
-"""`markers` for RViz: the paths of tip and elbow, the points of the task, and what the arm keeps
-away from.
-"""
+"""`markers` for RViz: paths of tip and elbow, points of the task, and shapes to keep away from."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial

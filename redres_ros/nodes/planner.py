@@ -166,9 +166,7 @@ class PlannerNode(ManagedNode):
         publish('segment', lambda: reference.segment)
 
     def _publish_state(self) -> None:
-        """Publish the state of the goal and when its task began, and log what keeps it from its
-        end, if that has changed.
-        """
+        """Publish the goal's state and start, and log what keeps it from its end, if changed."""
         if self._run.start_stamp != self._published_start:
             self._published_start = self._run.start_stamp
             self._begun_publisher.publish(to_time(self._published_start))

@@ -44,9 +44,7 @@ _PLAIN: dict[type, Any] = {float: Float64, int: Int32, str: String}  # by the ty
 
 
 class Telemetry:
-    """Publishers for displays, of the types by topic: nothing is computed or sent for a topic
-    without subscribers.
-    """
+    """Publishers for displays, of types by topic: nothing is computed without a subscriber."""
 
     def __init__(self, node: Node, types: Mapping[str, type]) -> None:
         self.subscribed: set[str] = set()  # last parts of the names of topics with a subscriber

@@ -139,9 +139,7 @@ class Goals:
 
 
 def _check_reach(model: RobotModel, points: Points) -> None:
-    """Refuse points beyond all links in one line, with linear joints at their longest. Raises
-    RangeError.
-    """
+    """Raise RangeError for points beyond all links in one line, linear joints at their longest."""
     length = model.reach
     kinematics = model.kinematics
     for index in kinematics.leading:

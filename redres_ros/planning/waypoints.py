@@ -1,6 +1,4 @@
-"""A task: points that the tip passes from rest to rest, and the arm's start; read from config/tasks
-or a YAML file.
-"""
+"""A task: points that the tip passes from rest to rest, and the arm's start; from a YAML file."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

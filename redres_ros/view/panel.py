@@ -52,9 +52,7 @@ def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progr
 
 
 def joint_bars(model: RobotModel, q: JointPositions, limited: str) -> str:
-    """A bar for each joint in its range as HTML, with the active limit, 'place: limit', on it or on
-    two bodies.
-    """
+    """A bar for each joint in its range as HTML, and the active limit, given as 'place: limit'."""
     place, _, limit = limited.rpartition(': ')
     fractions = (q - model.q_min) / (model.q_max - model.q_min)
     bars = dict(zip(model.joint_names, map(_bar, fractions.tolist()), strict=True))

@@ -1,6 +1,4 @@
-"""Moves the arm while the dead-man switch of the page is held: by the page's buttons, keys or a
-gamepad.
-"""
+"""Moves the arm while the page's dead-man switch is held: by its buttons, keys or a gamepad."""
 
 import json
 import time
