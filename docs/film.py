@@ -57,7 +57,7 @@ def main() -> None:
     law = make_law('minimum_acceleration', horizon=2.0)
     ahead = run(Controller(runs.experiment_model, law, 0.002), runs.task)
     motions = [
-        FilmedMotion(runs['measured_2'].recording, greedy, greedy),
+        FilmedMotion(runs['measured_2'], greedy, greedy),
         FilmedMotion(ahead, 'minimum_acceleration, 2 s ahead', 'minimum_acceleration'),
     ]
     end = max(motion.recording['t'][-1] for motion in motions)

@@ -39,32 +39,32 @@ def finished() -> Experiment:
 
 
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
-    assert not stopped.recording.finished
+    assert not stopped.finished
     assert stopped.stop_reason.startswith('protective stop')
-    assert 7.0 < stopped.recording['t'][-1] < 9.0
-    assert stopped.stop_reason in stopped.recording.ending
+    assert 7.0 < stopped['t'][-1] < 9.0
+    assert stopped.stop_reason in stopped.ending
 
 
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):
-    assert finished.recording.finished
+    assert finished.finished
     assert not finished.stop_reason
     assert np.linalg.norm(MODEL.tip(finished.q[-1])[0] - TASK.waypoints[-1]) < 0.001
 
 
 def test_a_stopped_arm_comes_to_rest_and_is_watched_doing_so(stopped):
-    assert len(stopped.q) == len(stopped.recording.data) + round(AFTERMATH / T)
+    assert len(stopped.q) == len(stopped.data) + round(AFTERMATH / T)
     assert np.abs(stopped.q[-1] - stopped.q[-50]).max() < 1e-6
 
 
 def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
     limit = MODEL.dq_max
-    assert (np.abs(finished.recording.vectors('dq1')) > limit).any()
+    assert (np.abs(finished.vectors('dq1')) > limit).any()
     # The arm behind its servos may be faster than its reference by what they make up for.
     assert (np.abs(np.diff(finished.q, axis=0) / T) < 1.02 * limit).all()
 
 
 def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
-    real = experiment(controller('minimum_acceleration'), SHORT).recording
+    real = experiment(controller('minimum_acceleration'), SHORT)
     ideal = run(controller('minimum_acceleration'), SHORT, plant=LateArm(SHORT.start))
     ticks = min(len(real.data), len(ideal.data))
     apart = np.abs(real.vectors('q1')[:ticks] - ideal.vectors('q1')[:ticks]).max()

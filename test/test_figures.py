@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.paper import figures as drawing
-from redres_ros.paper.experiment import Experiment, MeasuredMotion, VelocityDifference
+from redres_ros.paper.experiment import MeasuredMotion, VelocityDifference
 from redres_ros.paper.figures import FIGURES, draw_all
 from redres_ros.paper.runs import Runs
 from redres_ros.planning.waypoints import WaypointTask
@@ -78,9 +78,10 @@ def test_a_legend_distinguishes_several_curves(figures, number):
 
 def test_a_stop_is_marked_and_reported(runs):
     tried = runs['measured_2']
-    cut = replace(tried.recording, finished=False, ending='stopped after 1.000 s: protective stop')
+    reason = 'protective stop'
+    ending = f'stopped after 1.000 s: {reason}'
     stopped = Runs()
-    stopped['measured_2'] = Experiment(cut, 'protective stop', tried.q)
+    stopped['measured_2'] = replace(tried, finished=False, ending=ending, stop_reason=reason)
     assert 'protective stop' in FIGURES[9](stopped).texts[0].get_text()
     legend = FIGURES[10](stopped).axes[-1].get_legend()
     assert 'stopped at 1.50 s' in [text.get_text() for text in legend.get_texts()]

@@ -10,7 +10,6 @@ from redres_ros.paper.claim import ASSUMPTION, Claim, Finding, claim
 from redres_ros.paper.experiment import (
     FINER,
     WINDOW,
-    Experiment,
     MeasuredMotion,
     VelocityDifference,
     differentiate,
@@ -120,7 +119,7 @@ def _equivalence_35(runs: Runs) -> Finding:
 @claim('6.1', 'With law (2) the robot is stopped for its acceleration, which peaks after 7 s')
 def _stopped(runs: Runs) -> Finding:
     tried = runs['measured_2']
-    ended = tried.recording['t'][-1]
+    ended = tried['t'][-1]
     peak, at = _peak(runs, 'measured_2')
     return Finding(
         bool(tried.stop_reason) and 7.0 < ended < 9.0 and at > 7.0,
@@ -152,16 +151,16 @@ def _finishes(runs: Runs) -> Finding:
     end, _ = runs.experiment_model.tip(tried.q[-1])
     error = float(np.linalg.norm(end - runs.task.waypoints[-1]))
     return Finding(
-        tried.recording.finished and error < 0.001,
-        f'{tried.recording.ending}, {1e3 * error:.3f} mm from it',
+        tried.finished and error < 0.001,
+        f'{tried.ending}, {1e3 * error:.3f} mm from it',
     )
 
 
 @claim('6.1', 'In the first part the two motions are very similar')
 def _alike(runs: Runs) -> Finding:
-    until = round(runs.task.segment_time / runs['measured_2'].recording.T)
-    one = runs['measured_2'].recording.vectors('q1')[:until]
-    two = runs['measured_23'].recording.vectors('q1')[:until]
+    until = round(runs.task.segment_time / runs['measured_2'].T)
+    one = runs['measured_2'].vectors('q1')[:until]
+    two = runs['measured_23'].vectors('q1')[:until]
     largest = float(np.abs(one - two).max())
     path = float(np.ptp(one, axis=0).max())
     return Finding(
@@ -183,20 +182,20 @@ def _lower_peak(runs: Runs) -> Finding:
 
 @claim('6.1', 'So does the measured one (Figs. 10, 12)')
 def _lower_measured_peak(runs: Runs) -> Finding:
-    tried = runs['measured_2'], runs['measured_23']
-    one, two = (_largest(each.motion()) for each in tried)
-    fine_one, fine_two = (_largest(each.motion(FINER)) for each in tried)
-    recording = tried[0].recording
-    span = (0.0, tried[0].motion().t[-1])
+    first = runs['measured_2']
+    second = runs['measured_23']
+    one, two = (_largest(each.motion()) for each in (first, second))
+    fine_one, fine_two = (_largest(each.motion(FINER)) for each in (first, second))
+    span = (0.0, first.motion().t[-1])
     longer = _largest(runs['measured_2_without_stop'].motion(), span)
     ideal_one, ideal_two = (_filtered(runs[name]) for name in ('ideal_2', 'ideal_23'))
     return Finding(
         two < one,
         f'largest measured |ddq| {two:.1f} rad/s^2 with (23), {one:.1f} rad/s^2 with (2) until it '
         f'was stopped; {longer:.1f} rad/s^2 with (2) over the same time where nothing stops it; '
-        f'through a window of {FINER * recording.T:g} s {fine_two:.1f} and {fine_one:.1f} rad/s^2',
-        f"the stop at {recording['t'][-1]:.2f} s reverses it, not the paper's window of "
-        f'{WINDOW * recording.T:g} s: of ideal arms the window shows {ideal_two:.1f} and '
+        f'through a window of {FINER * first.T:g} s {fine_two:.1f} and {fine_one:.1f} rad/s^2',
+        f"the stop at {first['t'][-1]:.2f} s reverses it, not the paper's window of "
+        f'{WINDOW * first.T:g} s: of ideal arms the window shows {ideal_two:.1f} and '
         f'{ideal_one:.1f} rad/s^2',
     )
 
@@ -216,9 +215,8 @@ def _reverse_order(runs: Runs) -> Finding:
     there = runs['measured_35_forward']
     back = runs['measured_35']
     return Finding(
-        'position limit' in there.stop_reason and back.recording.finished,
-        f'as in the other runs: {there.recording.ending}; '
-        f'in reverse order: {back.recording.ending}',
+        'position limit' in there.stop_reason and back.finished,
+        f'as in the other runs: {there.ending}; in reverse order: {back.ending}',
         'the paper does not give the start of the reversed task; ours is where law (23) ends',
     )
 
@@ -287,9 +285,7 @@ CLAIMS: tuple[Claim, ...] = tuple(value for value in globals().values() if isins
 
 def _peak(runs: Runs, name: Any, norm: str = 'acceleration') -> tuple[float, float]:
     """The largest norm of what was commanded in a run, and its time [s]."""
-    result = runs[name]
-    recording = result.recording if isinstance(result, Experiment) else result
-    return recording.peak(f'joint_{norm}_norm')
+    return runs[name].peak(f'joint_{norm}_norm')
 
 
 def _same_motion(runs: Runs, law: str, scheme: str) -> Finding:

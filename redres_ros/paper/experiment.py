@@ -67,25 +67,18 @@ def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMoti
     return MeasuredMotion(T * np.arange(len(q))[inner], q[inner], dq, ddq)
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """Commands and measured motion of an experiment.
-
-    Attributes:
-        recording: One row a tick until the last point was reached or the robot stopped. q and all
-            that follows from it alone are measured, dq and the norms are those of the commands.
-        stop_reason: Why the robot stopped, in its own words; empty if it did not.
-        q: Measured joint positions from the recording's first tick to AFTERMATH after its last,
-            (N, n) [rad].
+@dataclass(frozen=True, kw_only=True)
+class Experiment(Recording):
+    """A motion that ends at the last point, or where the robot stopped. q and all that follows from
+    it alone are measured; dq and the norms are those of the commands.
     """
 
-    recording: Recording
-    stop_reason: str
-    q: np.ndarray
+    stop_reason: str  # in the robot's own words; empty if it did not stop
+    q: np.ndarray  # measured from the first tick to AFTERMATH after the last one, (N, n) [rad]
 
     def motion(self, window: int = WINDOW) -> MeasuredMotion:
         """What a filter over that many samples shows. Raises ArrayError."""
-        return differentiate(self.q, self.recording.T, window)
+        return differentiate(self.q, self.T, window)
 
 
 def experiment(
@@ -123,7 +116,8 @@ def experiment(
             t = len(robot.shown) * client.T
             q_ref = client.update(robot.q, planner.reference(x, t + ahead).dx).q_ref
         robot.step(q_ref)
-    return Experiment(recording, robot.stop_reason, np.array(robot.shown))
+    shown = np.array(robot.shown)
+    return Experiment(**vars(recording), stop_reason=robot.stop_reason, q=shown)
 
 
 def velocity_difference(law: Recording, scheme: Recording) -> np.ndarray:
@@ -149,7 +143,7 @@ class VelocityDifference:
     @classmethod
     def between(cls, law: Experiment, scheme: Experiment) -> 'VelocityDifference':
         """The difference of two experiments, while both were commanded."""
-        commands = [each.recording.vectors('dq1') for each in (law, scheme)]
+        commands = [each.vectors('dq1') for each in (law, scheme)]
         ticks = min(len(dq) for dq in commands)
         inner = slice(_LEFT_OUT, ticks - _LEFT_OUT)
         dq_I, dq_II = (dq[inner] for dq in commands)
@@ -169,10 +163,9 @@ class VelocityDifference:
 
 def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
     """The commanded velocities as the filter shows them, (N, n) [rad/s]."""
-    T = tried.recording.T
-    steps = T * tried.recording.vectors('dq1')[: ticks - 1]  # (ticks - 1, n) [rad]
+    steps = tried.T * tried.vectors('dq1')[: ticks - 1]  # (ticks - 1, n) [rad]
     q = np.vstack((tried.q[:1], tried.q[0] + np.cumsum(steps, axis=0)))
-    return differentiate(q, T).dq
+    return differentiate(q, tried.T).dq
 
 
 class _Arm(IdealArm):

@@ -56,12 +56,8 @@ _TORQUE = ('joint_torque_norm', 'joint_velocity_norm')
 
 def _draw_motion(number: int, name: str, runs: Runs) -> Figure:
     """The motion of one run."""
-    result = runs[name]
-    recording = result
-    model = runs.model
-    if isinstance(result, Experiment):
-        recording = result.recording
-        model = runs.experiment_model
+    recording = runs[name]
+    model = runs.experiment_model if isinstance(recording, Experiment) else runs.model
     figure = Figure(figsize=(13.0, 7.0), layout='constrained')
     ending = recording.ending.replace('rad/s^2', 'rad/s²')
     figure.suptitle(f'{title(number, name)}\n{ending}')
@@ -133,21 +129,20 @@ def _draw_measured_norms(
     was commanded. A finer window than the paper's shows what that one smooths away.
     """
     tried = runs[name]
-    recording = tried.recording
     figure, panels = _panels(title(number, name), len(columns), runs.task)
     styles: dict[int, dict[str, Any]] = {
         FINER: {'color': 'black', 'lw': 0.8},
         WINDOW: {'color': law_colour(MOTIONS[name].law), 'lw': 1.8},
     }
     for ax, norm in zip(panels, columns, strict=True):
-        ax.plot(recording['t'], recording[norm], color='0.6', lw=1.0, label='commanded')
+        ax.plot(tried['t'], tried[norm], color='0.6', lw=1.0, label='commanded')
         for window in windows:
             motion = tried.motion(window)
             values = _norm(norm, motion, runs.experiment_model)
-            label = f'measured, window of {window * recording.T:g} s'
+            label = f'measured, window of {window * tried.T:g} s'
             ax.plot(motion.t, values, label=label, **styles[window])
         if tried.stop_reason:
-            end = recording['t'][-1]
+            end = tried['t'][-1]
             ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
         ax.set_ylabel(NORMS[norm])
         ax.set_ylim(bottom=0.0)
