@@ -75,32 +75,31 @@ def escape(
     scale = task.row_scale(state.model)
     if scale is None:
         scale = np.full(len(dx), 1.0 / state.model.reach)
-    z = _escape_direction(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
-    return 0.0 if z is None else z
+    return _escape_velocity(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
 
 
-def _escape_direction(
+def _escape_velocity(
     J: Jacobian, dJ: JacobianDerivatives, dx: TaskVelocity, dq_prev: JointVelocities
-) -> JointVelocities | None:
+) -> JointVelocities | float:
     """A self-motion that leaves a singularity as fast as the task demands, in the sense of the last
-    command; or None. Rows are comparable.
+    command; or 0. Rows are comparable.
     """
     U, s, Vt = np.linalg.svd(J)
     e = SINGULAR_RATIO * s[0]
     if e == 0.0:
-        return None
+        return 0.0
     kept = int(np.count_nonzero(s >= e))
     stuck = np.maximum(1.0 - s[kept:] / (_STUCK * e), 0.0)  # 1 at the singularity
     lost = U[:, kept : len(s)]
     asked = lost.dot(stuck * lost.T.dot(dx))  # (m,)
     size = float(np.linalg.norm(asked))
     if size <= _NOTHING * float(np.linalg.norm(dx)):
-        return None
+        return 0.0
     H = np.einsum('c,icj->ij', asked / size, dJ)  # (n, n)
     Z = Vt[kept:].T  # (n, n - kept)
     curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z))  # twice those of H
     if curvatures[-1] <= _NOTHING * float(np.linalg.norm(H)):
-        return None
+        return 0.0
     z: JointVelocities = Z.dot(directions[:, -1])
     sense = z.dot(dq_prev) or z[np.argmax(np.abs(z))]
     return np.copysign(size, sense) * z

@@ -80,18 +80,13 @@ def _solve_upper(U: np.ndarray, X: np.ndarray) -> None:
 
 
 @inlined
-def _solve_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
-    """Each row x of X (k, n) becomes F^-1 x; a SQUARE comes with F'F in the place of F."""
-    if form == SQUARE:
+def _solve_factor(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> None:
+    """Each row x of X (k, n) becomes F^-1 x, or F'^-1 x, for an upper triangular F (n, n); a SQUARE
+    comes with F'F in the place of F.
+    """
+    if transposed or form == SQUARE:
         _solve_lower(F, X)
-    _solve_upper(F, X)
-
-
-@inlined
-def _solve_transposed_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
-    """Each row x of X (k, n) becomes F'^-1 x; a SQUARE comes with F'F in the place of F."""
-    _solve_lower(F, X)
-    if form == SQUARE:
+    if not transposed or form == SQUARE:
         _solve_upper(F, X)
 
 
@@ -187,7 +182,7 @@ def _add_weighted(
     """
     if form != FACTOR and not _cholesky(F):
         return False
-    _solve_transposed_factor(F, form, Q)
+    _solve_factor(F, form, True, Q)
     _make_orthonormal(Q, R)
     _solve_lower(R, r.reshape((1, len(r))))
     y = np.empty((1, len(dq)))
@@ -195,7 +190,7 @@ def _add_weighted(
         y[0, i] = 0.0
         for k in range(len(r)):
             y[0, i] += Q[k, i] * r[k]
-    _solve_factor(F, form, y)
+    _solve_factor(F, form, False, y)
     for i in range(len(dq)):
         dq[i] += y[0, i]
     return True
@@ -330,14 +325,8 @@ def fill_factor(W: np.ndarray, F: np.ndarray) -> bool:
 
 @compiled((matrix(), int64, boolean, _ARRAY))
 def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> None:
-    """Each row x of X (k, n) becomes F^-1 x, or F'^-1 x, for an upper triangular F (n, n); a SQUARE
-    comes with F'F in the place of F.
-    """
-    U = F.copy()
-    if transposed:
-        _solve_transposed_factor(U, form, X)
-    else:
-        _solve_factor(U, form, X)
+    """As `_solve_factor`, for an F of any order."""
+    _solve_factor(F.copy(), form, transposed, X)
 
 
 @direct

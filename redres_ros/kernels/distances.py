@@ -407,21 +407,21 @@ def least_on_path(
 
 @compiled(
     several(_ROWS, _VECTOR, _INDICES)(
-        *(matrix(), vector(), vector(int64), vector(), vector(), vector(), vector()),
-        *(float64, float64, float64, float64, float64, float64),
+        *(matrix(), vector(), vector(int64), vector(), vector(), float64),
+        *(vector(), vector(), float64, float64, float64, float64, float64),
     )
 )
 def braking_rows(
     C: np.ndarray,
     distance: np.ndarray,
     who: np.ndarray,
-    distance_now: np.ndarray,
     v: np.ndarray,
     slope: np.ndarray,
+    ticks: float,
+    distance_now: np.ndarray,
     A: np.ndarray,
     T: float,
     gap: float,
-    ticks: float,
     rate: float,
     clearance: float,
     lever: float,

@@ -202,10 +202,9 @@ class DistanceLimit(BrakingLimit):
         if distance.min(initial=np.inf) <= self.clearance + farthest:
             now = np.full(len(self._scene.pairs), np.inf)
             now[who] = distance
-            own = (rate, self.clearance, float(levers.max()))
-            for place in self._nearest_places(state, T):
-                braking = (place.v, place.slope, self.A, T, gap, place.ticks, *own)
-                found.append(_kernels().braking_rows(*place.near, now, *braking))
+            tick = (now, self.A, T, gap, rate, self.clearance, float(levers.max()))
+            for v, slope, ticks, near in self._nearest_places(state, T):
+                found.append(_kernels().braking_rows(*near, v, slope, ticks, *tick))
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 

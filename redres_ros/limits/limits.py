@@ -174,14 +174,13 @@ class Limits:
     def violated(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> Bounds | None:
         """Their bounds at a state, if a velocity does not keep them all; None if it does."""
         tick = state.tick
-        is_far = are_far(dq, state.q, state.dq_prev, T, self._joints, tick.gap, tick.longest_gap)
+        limits = self._joints, tick.gap, tick.longest_gap
+        is_far = not self.row_limits and are_far(dq, state.q, state.dq_prev, T, *limits)
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
             if any(self.yielding):
                 self.yielding = self.yielding.after(1.0, 1.0, T)
             return None
-        if is_far:
-            self._fill_boxes(dq, state, T)
         bounds = self._bounds(state, T)
         return None if is_inside and bounds.allow(dq) else bounds
 

@@ -95,17 +95,16 @@ class Kinematics:
     def chain(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """From the base to the tip, as kernels/look_ahead.py takes it."""
         joints = [self.joints[index] for index in self.leading]
-        turns: list[np.ndarray] = []
+        z = np.array((0.0, 0.0, 1.0))
+        places = [(joint.before, joint.axis) for joint in joints]
+        turns = []
         offsets = []
         from_z = np.eye(3)  # to the axis of the joint before
-        for before in (*(joint.before for joint in joints), self.tip):
+        for before, axis in (*places, (self.tip, z)):
             offsets.append(from_z.T.dot(before[:3, 3]))
             turn = from_z.T.dot(before[:3, :3])
-            if len(turns) < len(joints):
-                axis = joints[len(turns)].axis
-                from_z = pin.Quaternion.FromTwoVectors(np.eye(3)[2], axis).toRotationMatrix()
-                turn = turn.dot(from_z)
-            turns.append(turn)
+            from_z = pin.Quaternion.FromTwoVectors(z, axis).toRotationMatrix()
+            turns.append(turn.dot(from_z))
         slides = np.array([joint.is_prismatic for joint in joints])
         return np.array(turns), np.array(offsets), np.array(self.leading, np.int64), slides
 

@@ -221,22 +221,8 @@ class Axis(Task):
         return across.T.dot(turn)
 
 
-class _JointTask(Task):
-    """Angles of some joints."""
-
-    @abstractmethod
-    def _joints(self, model: RobotModel) -> list[int]:
-        """Their indices."""
-
-    def jacobian(self, state: RobotState) -> Jacobian:
-        return np.eye(len(state.q))[self._joints(state.model)]
-
-    def value(self, state: RobotState) -> np.ndarray:
-        return state.q[self._joints(state.model)]
-
-
 @dataclass(frozen=True)
-class Joint(_JointTask):
+class Joint(Task):
     """The angle of one joint, given as in joint@A3; empty: the first one. 1 row [rad/s]."""
 
     size: ClassVar[int] = 1
@@ -244,7 +230,13 @@ class Joint(_JointTask):
     joint: str = ''
     target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
 
-    def _joints(self, model: RobotModel) -> list[int]:
+    def jacobian(self, state: RobotState) -> Jacobian:
+        return np.eye(len(state.q))[self._indices(state.model)]
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q[self._indices(state.model)]
+
+    def _indices(self, model: RobotModel) -> list[int]:
         names = model.joint_names
         name = self.joint or names[0]
         if name not in names:
@@ -253,7 +245,7 @@ class Joint(_JointTask):
 
 
 @dataclass(frozen=True)
-class Configuration(_JointTask):
+class Configuration(Task):
     """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task.
 
     Below another task it keeps the joints as near to its target as that one lets them, so that a
@@ -263,9 +255,12 @@ class Configuration(_JointTask):
     size: ClassVar[int] = 0
     target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
 
-    def _joints(self, model: RobotModel) -> list[int]:
-        _check_length('target of configuration', self.target, model.n)
-        return list(range(model.n))
+    def jacobian(self, state: RobotState) -> Jacobian:
+        _check_length('target of configuration', self.target, len(state.q))
+        return np.eye(len(state.q))
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q
 
 
 # A new task is one small class and one line in this table.
