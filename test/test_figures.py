@@ -79,9 +79,8 @@ def test_a_legend_distinguishes_several_curves(figures, number):
 def test_a_stop_is_marked_and_reported(runs):
     tried = runs['measured_2']
     reason = 'protective stop'
-    ending = f'stopped after 1.000 s: {reason}'
     stopped = Runs()
-    stopped['measured_2'] = replace(tried, finished=False, ending=ending, stop_reason=reason)
+    stopped['measured_2'] = replace(tried, ending=f'stopped: {reason}', stop_reason=reason)
     assert 'protective stop' in FIGURES[9](stopped).texts[0].get_text()
     legend = FIGURES[10](stopped).axes[-1].get_legend()
     assert 'stopped at 1.50 s' in [text.get_text() for text in legend.get_texts()]
