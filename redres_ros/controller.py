@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 INTEGRATE_FROM = ('command', 'measurement')
 _DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
 _MOST_MISSED = 1_000_000  # cycles, which nobody bridges
-_SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
+SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _ROBOT_INTERFACE = Parameter('the kind of robot', choices=tuple(ROBOT_INTERFACES))
@@ -118,7 +118,7 @@ class Controller:
         Raises RedresError for a value out of its range, a name in no table, and what does not fit
         the arm.
         """
-        check_value('T', T, _SAMPLING_TIME)
+        check_value('T', T, SAMPLING_TIME)
         check_value('switch_time', switch_time, _SWITCH_TIME)
         check_value('integrate_from', integrate_from, _INTEGRATE_FROM)
         if not isinstance(robot_interface, RobotInterface):

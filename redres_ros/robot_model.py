@@ -13,6 +13,7 @@ import pinocchio as pin
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.preview import Ahead
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
+from redres_ros.robots.joint_limits import with_accelerations
 from redres_ros.robots.kinematics import Bodies
 from redres_ros.types import (
     Cycles,
@@ -249,14 +250,9 @@ class RobotModel:
         joint [rad/s^2], [Nm]; without them efforts are those of the URDF, accelerations an
         assumption, see `arm.remarks()`. Raises as arm_from_urdf().
         """
-        arm = arm_from_urdf(
-            Path(path),
-            tip_frame,
-            elbow_frame,
-            acceleration_limit=tuple(map(float, acceleration_limit)),
-            effort_limit=tuple(map(float, effort_limit)),
-        )
-        return cls(arm)
+        efforts = tuple(map(float, effort_limit))
+        arm = arm_from_urdf(Path(path), tip_frame, elbow_frame, efforts)
+        return cls(with_accelerations(arm, tuple(map(float, acceleration_limit))))
 
     def state(self, q: JointPositions, dq_prev: JointVelocities) -> RobotState:
         """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError."""

@@ -12,10 +12,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros import LAWS, Controller, RedresError, RobotModel, load_task, make_law
 from redres_ros.cli import main, make_parser
 from redres_ros.cli.motion import find_motion, node_parameters
 from redres_ros.robots import ARMS
+from redres_ros.robots.joint_limits import with_accelerations
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import columns
 
@@ -90,6 +91,14 @@ def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
     assert out.is_file()  # how it went is what one wants to see then
 
 
+def test_a_table_that_simulate_wrote_is_a_task_with_the_same_motion(short, tmp_path, capsys):
+    table = tmp_path / 'motion.csv'
+    q = simulate(short, table)[:-1, 1:8]  # the last row is the end, and makes none
+    assert simulate(str(table), tmp_path / 'again.csv')[:, 1:8] == pytest.approx(q, abs=1e-5)
+    assert main(['compare', '--task', str(table), '--out', str(tmp_path)]) == 0
+    assert 'the best motion along the path' in capsys.readouterr().out
+
+
 def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_path, capsys):
     laws = ['--law', 'minimum_velocity,minimum_acceleration', '--prefer', 'posture']
     assert main(['compare', '--task', short, *laws, '--out', str(tmp_path)]) == 0
@@ -142,7 +151,8 @@ REFUSED = [
     ('simulate --prefer posture --set posture.gain=high', "posture.gain is 'high'; allowed: "),
     ('simulate --dynamics rods', "unknown dynamics 'rods'; allowed: cylinders, identified"),
     ('simulate --damping nan', 'damping is nan; allowed: 0 to'),
-    ('simulate --period 0', 'T is 0.0; allowed: 1e-05 to 1'),
+    ('simulate --period 0', 'period is 0.0; allowed: 1e-05 to 1'),
+    ('compare --period nan', 'period is nan; allowed: 1e-05 to 1'),
     ('simulate --switch-time -1', 'switch_time is -1.0; allowed: 0 to 60'),
     ('demo --prefer posture --set posture.target=[0]', '--set posture.target is not for'),
     ('demo --damping 501', 'damping is 501.0; allowed: 0 to 500'),
@@ -355,6 +365,23 @@ def test_a_command_loads_what_it_needs(short, limits, is_loaded):
     words = ['simulate', '--task', short, '--limits', limits]
     done = subprocess.run([sys.executable, '-c', program, *words], timeout=120, check=False)
     assert done.returncode == is_loaded
+
+
+def test_a_joint_limits_file_limits_accelerations_and_slows_joints_and_lacks_none(tmp_path):
+    arm = ARMS['planar4r']
+    own = RobotModel(arm).dq_max
+    text = 'joint_limits:\n'
+    for number, velocity in enumerate((1000, 0.5, 1000, 1000), 1):
+        text += f'  joint_{number}: {{has_velocity_limits: true, max_velocity: {velocity}, '
+        text += f'has_acceleration_limits: true, max_acceleration: {number}}}\n'
+    path = tmp_path / 'joint_limits.yaml'
+    path.write_text(text)
+    model = RobotModel(with_accelerations(arm, str(path)))
+    assert model.arm.acceleration_limit == (1.0, 2.0, 3.0, 4.0)
+    assert model.dq_max.tolist() == [own[0], 0.5, *own[2:]]
+    path.write_text(text.replace('joint_3', 'finger'))
+    with pytest.raises(RedresError, match=r'limits.yaml does not limit joint_3; expected'):
+        with_accelerations(arm, str(path))
 
 
 def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_leave_nothing_assumed(

@@ -41,6 +41,7 @@ BAD_STARTS = [  # node, parameter, words that its one line must hold
     ('controller', 'robot:=r2d2', ('r2d2', 'lwr4_paper', '.urdf', 'topic')),
     ('controller', 'robot:=/no/such/arm.urdf', ('cannot read /no/such/arm',)),
     ('controller', 'acceleration_limit:=[1.0]', ('has 1 values', 'lwr_a1_joint')),
+    ('controller', 'acceleration_limit:=/no/limits.yaml', ('cannot read /no/limits.yaml',)),
     ('controller', 'tip_frame:=nose', ('nose', 'tool0')),
     ('controller', 'bridging:=hold', ('bridging is no parameter any more', 'robot_interface')),
     ('controller', 'use_sim_time:=x', ("'use_sim_time' to 'x'",)),

@@ -37,7 +37,7 @@ from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
-from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.robots.joint_limits import JointLimits, with_accelerations
 
 FOLDER = share_path('config/robots')
 PAGE = Path(__file__).parents[1] / 'docs' / 'real_robots.md'
@@ -68,13 +68,13 @@ ROBOTS = {
         arm_from_urdf(ON_A_RAIL, 'tool0'), FrankaRules, ('finger',), description=ON_A_RAIL
     ),
     'kuka_drivers': Robot(
-        arm_from_urdf(KUKA, 'tool0', acceleration_limit=(10.0,) * 7), LbrGuard, description=KUKA
+        with_accelerations(arm_from_urdf(KUKA, 'tool0'), (10.0,) * 7), LbrGuard, description=KUKA
     ),
     'mujoco_ros2_control': Robot(
         arm_from_urdf(SIMULATED, 'tool0'), LbrGuard, ('finger',), description=SIMULATED
     ),
     'ur_linear_axis': Robot(
-        arm_from_urdf(UR, 'tool0', acceleration_limit=UR_ACCELERATION), LbrGuard, description=UR
+        with_accelerations(arm_from_urdf(UR, 'tool0'), UR_ACCELERATION), LbrGuard, description=UR
     ),
 }
 BY_DEFAULT = ('position', 'velocity', 'acceleration')  # limits

@@ -9,6 +9,7 @@ import yaml
 from redres_ros import RedresError, RobotModel, load_task
 from redres_ros.errors import FileError
 from redres_ros.files.installation import share_path
+from redres_ros.planning.waypoints import task_for
 
 SHIPPED = sorted(path.stem for path in share_path('config/tasks').glob('*.yaml'))
 
@@ -120,11 +121,43 @@ def test_a_value_that_cannot_be_is_refused_by_its_key(tmp_path, key, value):
 
 @pytest.mark.parametrize(
     'given',
-    [{'rpy': [[0, 0, 0]] * 2}, {'rpy': [[0, 0, 0]], 'quaternions': [[0, 0, 0, 1]]}],
-    ids=['two of three', 'in two forms'],
+    [
+        {'rpy': [[0, 0, 0]] * 2},
+        {'rpy': [[0, 0, 0]], 'quaternions': [[0, 0, 0, 1]]},
+        {'times': [0, 1, 2]},
+    ],
+    ids=['two of three', 'in two forms', 'timed twice'],
 )
-def test_orientations_that_leave_something_open_are_refused(tmp_path, given):
-    refusal(written(tmp_path, **given), FileError)
+def test_orientations_and_times_that_leave_something_open_are_refused(tmp_path, given):
+    refusal(written(tmp_path, **given), RedresError)
+
+
+def test_a_table_is_a_task_that_starts_at_its_first_pose(tmp_path):
+    path = tmp_path / 'path.csv'
+    rows = ['1e9, 0.4, 0.1, 0.5, 1, 0, 0, 0', '1000000001.5, 0.4, 0.2, 0.5, 1, 0, 0, 0']
+    path.write_text('\n'.join(['# t, x, y, z, qx, qy, qz, qw', *rows]))
+    model = RobotModel.named('fr3')
+    task = task_for(model.arm, 'fr3', str(path))
+    assert task.times.tolist() == [0.0, 1.5]
+    x, R = model.tip(task.start)
+    assert x == pytest.approx(task.waypoints[0], abs=1e-6)
+    assert pytest.approx(DOWN, abs=1e-6) == R
+
+
+@pytest.mark.parametrize(
+    ('table', 'words'),
+    [
+        ('', 'has no column t, x, y, z'),
+        ('t,x,y\n0,0,0', "has no column z; got: 't,x,y'"),
+        ('t,x,y,z\n0,0,0,0\n1,nan,0,0', 'row 2 lacks a number'),
+        ('t,x,y,z\n0,0,0,0\n0,0,0,0', 'row 2 lacks a number, or a t above the last'),
+        ('t,x,y,z\n0,0,0,0\n1,0,0', 'is no table'),
+    ],
+)
+def test_a_table_that_is_no_path_is_refused_with_what_is_wrong(tmp_path, table, words):
+    path = tmp_path / 'path.csv'
+    path.write_text(table)
+    assert words in refusal(str(path), FileError)
 
 
 HOSTILE = {

@@ -295,7 +295,6 @@ def test_limits_can_be_given_in_the_place_of_those_assumed_and_of_the_urdf(tmp_p
     ('limits', 'complaint'),
     [
         ({'effort_limit': (5.0, 6.0)}, 'effort_limit has 2 values; expected one for each joint'),
-        ({'acceleration_limit': (5.0,)}, 'acceleration_limit has 1 values'),
         ({'effort_limit': (5.0, 6.0, 0.0, 1.0)}, r'effort_limit is 0\.0; allowed: 0 to 1e\+09'),
         ({'effort_limit': (5.0, 6.0, np.nan, 1.0)}, 'effort_limit is nan'),
     ],

@@ -11,7 +11,6 @@ from redres_ros.cli.options import (
     DURATIONS,
     add_command,
     add_graph,
-    check_range,
     check_writable,
     graph_name,
     option,
@@ -70,7 +69,7 @@ def add(commands: Any) -> None:
         '# beside a running controller',
     )
     robot = "the arm, while no controller runs yet; default: the controller's"
-    within = (0.5, 60.0, 's')
+    within = (0.5, 60.0)
     option(check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=within)
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
@@ -178,10 +177,11 @@ def _watch(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.runtime import spun
+    from redres_ros.parameter import Parameter, check_value
     from redres_ros.preflight.snapshot import SnapshotNode
     from redres_ros.preflight.verdicts import FAULT, ExpectedArm, judge
 
-    check_range('rate', options.rate, (*RATES, 'Hz'))
+    check_value('rate', options.rate, Parameter('', *RATES))
     arm = ExpectedArm(options.robot, options.tip, options.rate) if options.robot else None
     make = partial(SnapshotNode, options.namespace, options.states)
     with spun(make, options.domain) as node:

@@ -13,7 +13,6 @@ from redres_ros.cli.options import (
     NONE,
     add_command,
     add_motion,
-    check_range,
     check_writable,
     option,
 )
@@ -81,8 +80,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.demo import START_PATIENCE, Demo
     from redres_ros.laws import HORIZON
     from redres_ros.loop.cycle_counter import RATES
+    from redres_ros.parameter import Parameter, check_value
 
-    check_range('period', options.period, (1.0 / max(RATES), 1.0 / min(RATES), 's'))
+    check_value('period', options.period, Parameter('', 1.0 / max(RATES), 1.0 / min(RATES)))
     motion = find_motion(options, [options.law])
     # As the nodes have it; in lock-step no path is sent ahead.
     gains = {'horizon': 0.0 if options.lockstep else HORIZON, **motion.case.gains}

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redres_ros.cli.options import NONE, OptionError, number_in, read_settings
-from redres_ros.controller import Controller
+from redres_ros.controller import SAMPLING_TIME, Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
 from redres_ros.parameter import Gain, Parameter, check_value
@@ -17,6 +17,7 @@ from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, choose_arm
 from redres_ros.robots.arm import ACCELERATIONS
+from redres_ros.robots.joint_limits import with_accelerations
 from redres_ros.simulation.batch import Case, make_controller
 from redres_ros.tasks import TASKS
 
@@ -34,6 +35,7 @@ class _NamedMotion(NamedTuple):
     task: WaypointTask
     model: RobotModel
     case: Case
+    acceleration_limit: str | tuple[float, ...]  # as given; empty: the arm's own
 
     def law(self, name: str) -> Law:
         """The law of that name with the gains of the case."""
@@ -63,32 +65,26 @@ def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotio
     robot that do not go together, or a gain of what is not in use.
     """
     name = options.task or ('' if options.robot else 'rectangle')
-    given = load_task(name) if name else None
-    robot = options.robot or (given.robot if given else '')
+    robot = options.robot or load_task(name).robot
     settings = read_settings(options.set or ())
-    accelerations = _accelerations(settings.pop(_ACCELERATION, []))
-    arm = choose_arm(robot, options.tip, options.elbow, acceleration_limit=accelerations)
+    given = _converted(settings.pop(_ACCELERATION, ()), ())
+    if not isinstance(given, str | tuple):
+        raise OptionError(f'--set {_ACCELERATION}={given}; expected a list, such as [5], or a file')
+    if isinstance(given, tuple):
+        check_value(_ACCELERATION, given, Parameter('', *ACCELERATIONS))
+    arm = with_accelerations(choose_arm(robot, options.tip, options.elbow), given)
     arm = replace(arm, dynamics=options.dynamics)
     model = RobotModel(arm)
-    task = replace(given or task_for(arm, robot), robot=robot)
-    if options.robot or options.tip:
+    task = task_for(arm, robot, name)
+    if options.robot or options.tip or task.times is not None:
         _check_start(task, model)
-    return _NamedMotion(name or arm.task, task, model, _find_case(options, laws, settings))
-
-
-def _accelerations(given: Any) -> tuple[float, ...]:
-    """Acceleration limits of the joints; empty: the arm's own. Raises RedresError."""
-    if not isinstance(given, list):
-        raise OptionError(
-            f'--set {_ACCELERATION}={given}; expected a list, such as [5.0, 5.0, 8.0]'
-        )
-    limits: tuple[float, ...] = _converted(given, ())
-    check_value(_ACCELERATION, limits, Parameter('[rad/s^2]', *ACCELERATIONS))
-    return limits
+    case = _find_case(options, laws, settings)
+    return _NamedMotion(name or arm.task, task, model, case, given)
 
 
 def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[str, Any]) -> Case:
     """The case under the first of some laws."""
+    check_value('period', options.period, SAMPLING_TIME)
     limits: tuple[str, ...] = ()
     if options.limits != NONE:
         limits = tuple(name.strip() for name in options.limits.split(','))
@@ -111,16 +107,11 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
     _check_scales(case)
     names = [name.partition('@')[0] for name in laws]
     if all(name in LAWS and not LAWS[name].has_memory for name in names):
-        for option, is_given in (
-            ('prefer', bool(preferences)),
-            ('damping', options.damping is not None),
-            ('set damping', 'damping' in settings),
-        ):
-            if is_given:
-                raise OptionError(
-                    f'--{option} acts on laws that know the last velocity; in use: '
-                    f'{", ".join(names)}'
-                )
+        is_damped = options.damping is not None
+        given = {'prefer': preferences, 'damping': is_damped, 'set damping': 'damping' in settings}
+        for option in filter(given.get, given):
+            known = 'laws that know the last velocity'
+            raise OptionError(f'--{option} acts on {known}; in use: {", ".join(names)}')
     gains = _checked_gains(case, laws)
     for name, equals, text in preferences:
         if equals:
@@ -151,8 +142,8 @@ def node_parameters(motion: _NamedMotion) -> dict[str, Any]:
         'task': motion.name,
         'task_space': 'position' if motion.task.orientations is None else 'pose',
     }
-    if motion.model.arm.acceleration_limit:
-        parameters[_ACCELERATION] = motion.model.arm.acceleration_limit
+    if motion.acceleration_limit:
+        parameters[_ACCELERATION] = motion.acceleration_limit
     if case.tip_frame:
         parameters['tip_frame'] = case.tip_frame
     return parameters
@@ -216,7 +207,6 @@ def _check_scales(case: Case) -> None:
 
 def _check_start(task: WaypointTask, model: RobotModel) -> None:
     """Refuse a task that was written for another arm, tip or base."""
-    task.check_joints(model.n)
     x, _ = model.tip(task.start)
     away = float(np.linalg.norm(x - task.waypoints[0]))
     if not away < _NEAR:

@@ -7,11 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from redres_ros.errors import RangeError, RedresError, UnknownNameError, quoted
+from redres_ros.errors import RedresError, UnknownNameError, quoted
 
 NONE = 'none'  # the word for no limits at all
 DEMO_LIMITS = 'position,velocity,acceleration'
-DURATIONS = (0.0, 1e6, 's')  # of a run
+DURATIONS = (0.0, 1e6)  # [s] of a run
 
 _NAMES = r'(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*)?'  # with / between them
 _LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
@@ -67,32 +67,26 @@ def option(
     says: str,
     default: Any = None,
     *,
-    within: tuple[float, float, str] | None = None,
+    within: tuple[float, float] | None = None,
     **others: Any,
 ) -> None:
     """Declare an option with a value, of the type of its default, which the help shows if it says
-    something; `within`: the least and the largest number that are allowed, and their unit. Others
-    are as add_argument takes them.
+    something; `within`: the least and the largest number allowed. Others go to add_argument.
     """
     kind: Any = others.pop('type', str if default is None else type(default))
 
     def _read(text: str) -> Any:
         value = kind(text)
         if within:
-            check_range(name.lstrip('-'), value, within)
+            from redres_ros.parameter import Parameter, check_value
+
+            check_value(name.lstrip('-'), value, Parameter('', *within))
         return value
 
     _read.__name__ = kind.__name__  # for argparse, which says: invalid int value
     if default not in (None, ''):
         says += f'; default: {default:g}' if isinstance(default, float) else f'; default: {default}'
     group.add_argument(name, type=_read, metavar=metavar, default=default, help=says, **others)
-
-
-def check_range(name: str, value: float, within: tuple[float, float, str]) -> None:
-    """Raise RangeError for a number outside its range, which has a unit."""
-    lower, upper, unit = within
-    if not lower <= value <= upper:
-        raise RangeError(name, value, lower, upper, unit)
 
 
 def number_in(option: str, text: str, number: str, expected: str) -> float:
@@ -112,7 +106,7 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     tip = "link that carries out the task; default: the robot's own, of a file the last link"
     elbow = "link of the elbow; default: the robot's own, of a file that of the middle joint"
     dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
-    option(arm, '--task', 'NAME|FILE.yaml', points)
+    option(arm, '--task', 'NAME|FILE.yaml|FILE.csv', points)
     option(arm, '--robot', 'NAME|FILE.urdf', 'a name from `redres laws`, or any serial arm')
     option(arm, '--tip', 'FRAME', tip, '')
     option(arm, '--elbow', 'FRAME', elbow, '')
@@ -126,7 +120,7 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     prefer = 'preferences in the null space, such as joint_centering=4'
     secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
     gains = 'gains as in a parameter file, such as posture.gain=4; `redres laws` lists them; '
-    gains += "or acceleration_limit='[10, 10, ...]', of each joint [rad/s^2]"
+    gains += "or acceleration_limit='[10, 10, ...]', of each joint [rad/s^2], or MoveIt's file"
     if several_laws:
         option(law, '--law', 'A,B,...', names, several_laws, dest='laws')
     else:

@@ -28,7 +28,9 @@ def motion_values(
     distance from the straight line from point to point [m]; `still` is the time without motion [s].
     """
     t = recording['t']
-    path_deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
+    path_deviation = recording['task_error']
+    if task.times is None:
+        path_deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
     farthest = int(np.argmax(path_deviation))
     still = recording['joint_velocity_norm'] <= _STILL
     return {

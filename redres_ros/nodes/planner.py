@@ -37,7 +37,7 @@ from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
 from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
-from redres_ros.planning.waypoints import load_task, task_for
+from redres_ros.planning.waypoints import task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation
 
@@ -66,8 +66,7 @@ class PlannerNode(ManagedNode):
         robot, arm = declare_robot(self, has_dynamics=False)
         settings = self._settings = declare(self, _PlannerParameters())
         self._model = RobotModel(arm)
-        name = settings.task
-        self._task = load_task(name) if name else task_for(arm, robot)
+        self._task = task_for(arm, robot, settings.task)
         goals = declare(self, GoalSettings())
         self._autostart = goals.autostart
         self._goals = Goals(self._model, self._task, goals, settings.task_space)

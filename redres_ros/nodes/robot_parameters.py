@@ -22,6 +22,7 @@ from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import ACCELERATIONS, DYNAMICS
+from redres_ros.robots.joint_limits import with_accelerations
 from redres_ros.tasks import TASKS
 from redres_ros.types import Seconds
 
@@ -39,7 +40,7 @@ _ROBOT = Parameter(
 _TIP_FRAME = Parameter(
     "link that carries out the task; empty: the arm's own, of a URDF the last one"
 )
-_ACCELERATION = Parameter('of each joint from base to tip [rad/s^2]', *ACCELERATIONS)
+_ACCELERATION = Parameter('of each joint from base to tip [rad/s^2], or a file', *ACCELERATIONS)
 _DYNAMICS = Parameter('inertias: identified arm or uniform cylinders', choices=DYNAMICS)
 _LOADED = (look_ahead,)  # compiled before the loop: a law that needs it may be set live
 _NODES_OWN = {'horizon': HORIZON}  # defaults
@@ -62,10 +63,14 @@ def declare_robot(
         arm = choose_arm(robot, tip_frame)
     else:
         arm = make_arm(robot, tip_frame, lambda: _await_description(node))
+    given = node._parameter_overrides.get('acceleration_limit')
+    if given is not None and isinstance(given.value, str):
+        arm = with_accelerations(arm, given.value)
+        del node._parameter_overrides['acceleration_limit']  # a parameter has one type
+    acceleration = declare_one(node, 'acceleration_limit', arm.acceleration_limit, _ACCELERATION)
+    arm = with_accelerations(arm, acceleration)
     for remark in arm.remarks():
         node.get_logger().info(remark)
-    acceleration = declare_one(node, 'acceleration_limit', arm.acceleration_limit, _ACCELERATION)
-    arm = replace(arm, acceleration_limit=acceleration)
     if has_dynamics:
         arm = replace(arm, dynamics=declare_one(node, 'dynamics', arm.dynamics, _DYNAMICS))
     arm.kinematics()  # refuses limits of another number of joints

@@ -9,7 +9,7 @@ from redres_ros.errors import RangeError, RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.parameter import param
 from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import Planner, TargetFollower, top_speed
+from redres_ros.planning.planner import Planner, TargetFollower, source_of, top_speed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel
@@ -64,14 +64,11 @@ class GoalSettings:
 
 
 class Goals:
-    """Makes the goals of one arm, and refuses those that it cannot reach. Raises ArrayError for the
-    task of an arm with another number of joints.
-    """
+    """Makes the goals of one arm, and refuses those that it cannot reach."""
 
     def __init__(
         self, model: RobotModel, task: WaypointTask, settings: GoalSettings, task_space: str
     ) -> None:
-        task.check_joints(model.n)
         self._model = model
         self._task = task
         self._settings = settings
@@ -82,7 +79,7 @@ class Goals:
         settings = self._settings
         return Goal(
             self.path_home,
-            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.target_speed),
+            lambda x, R: source_of(self._task, x, R, settings.target_speed),
             goes_on=True,
             patience=None if settings.autostart else settings.resume_within,
         )

@@ -418,6 +418,21 @@ class TargetFollower:
         return v + change / max(excess, 1.0)
 
 
+def source_of(
+    task: WaypointTask, x: Position | None, R: Rotation | None, feedback_limit: float = np.inf
+) -> Planner | TargetFollower:
+    """As Planner, or of points with times a follower, which holds R without orientations."""
+    if task.times is None:
+        return Planner(task, x, R, feedback_limit=feedback_limit)
+    turns = task.orientations
+    if turns is None and R is not None:
+        turns = np.tile(R, (len(task.times), 1, 1))
+    first = None if turns is None else turns[0]
+    follower = TargetFollower(task, task.waypoints[0], first, np.zeros(6), speed=feedback_limit)
+    follower.set_path(Preview(task.times - task.times[0], task.waypoints, turns))
+    return follower
+
+
 def _pose_distance(line: Position, turn: RotationVector | None) -> Meters:
     """Length of a motion; a turn counts by its arc on a lever of 0.1 m."""
     length = float(np.linalg.norm(line))

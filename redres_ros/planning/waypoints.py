@@ -1,20 +1,24 @@
-"""A task: points that the tip passes from rest to rest, and the arm's start; from a YAML file."""
+"""A task: points that the tip passes, and the arm's start; from config/tasks, YAML or a table."""
 
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
+from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted, reason_of
 from redres_ros.files.installation import share_path
-from redres_ros.files.text import read_yaml
+from redres_ros.files.text import read_text, read_yaml
 from redres_ros.geometry import from_quaternion, from_roll_pitch_yaw
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import check_parameters, param
+from redres_ros.preview import Preview
+from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.from_urdf import square_before_tip
-from redres_ros.types import JointPositions, Points, Seconds
+from redres_ros.types import JointPositions, Points, Seconds, Times
 
 _NODES = ('sim', 'controller', 'planner')  # of a demo
 _SWITCHING = ('at_rest', 'within_tolerance')
@@ -22,6 +26,10 @@ _SWITCHING = ('at_rest', 'within_tolerance')
 _FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
 _MOST_DEGREES = 36000.0
 _METRES = ' m'  # ends the position of a linear joint
+_QUATERNION = ('qx', 'qy', 'qz', 'qw')  # columns of a table
+_CONFLICTS = ({'quaternions', 'rpy'}, {'times', 'segment_time'}, {'times', 'switching'})
+_STEPS = 200  # of the search for a start
+_STEP = 0.1  # [m], [rad] of the tip, at most
 
 
 class _TaskEvent(NamedTuple):
@@ -38,7 +46,8 @@ class WaypointTask:
 
     The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
     'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
-    the task velocity. `nodes` has parameters of the nodes in a demo, by the node: what the tip
+    the task velocity. With `times`, of which segment_time is then the mean step, the tip passes all
+    points without a rest. `nodes` has parameters of the nodes in a demo, by the node: what the tip
     touches, how it yields; `events` are changes of these during the motion.
     """
 
@@ -57,20 +66,17 @@ class WaypointTask:
     switching: str = param('at_rest', 'when the next segment begins', choices=_SWITCHING)
     nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     events: tuple[_TaskEvent, ...] = ()
+    times: Times | None = None  # (N + 1,) of the points, rising
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        if self.times is not None:
+            times = Preview(self.times, self.waypoints, self.orientations).times
+            object.__setattr__(self, 'segment_time', float(times[-1] - times[0]) / self.segments)
 
     @property
     def segments(self) -> int:
         return len(self.waypoints) - 1
-
-    def check_joints(self, n: int) -> None:
-        """Refuse a task of an arm with another number of joints than n. Raises ArrayError."""
-        if len(self.start) != n:
-            raise ArrayError(
-                f'start of a task of {self.robot} has {len(self.start)} joints; expected {n}'
-            )
 
     def path_deviation(self, x: Points, segment: np.ndarray) -> np.ndarray:
         """Distances of positions from the straight lines of their segments, (N,) [m], by the number
@@ -87,45 +93,93 @@ class WaypointTask:
 
 
 def load_task(name_or_path: str) -> WaypointTask:
-    """The task of that name in config/tasks, or of that YAML file. Raises FileError,
-    UnknownNameError, RangeError.
+    """The task of that name in config/tasks, or of that YAML file or table; the start of a table
+    without joints is empty. Raises FileError, UnknownNameError, RangeError, ArrayError.
     """
     path = Path(name_or_path)
+    if path.suffix == '.csv':
+        return _to_task(_read_table(path), path)
     if path.suffix not in ('.yaml', '.yml'):
         folder = share_path('config/tasks')
         known = {file.stem: file for file in folder.glob('*.yaml')}
         if name_or_path not in known:
-            raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
+            raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml or .csv'])
         path = known[name_or_path]
     return _to_task(read_yaml(path), path)
 
 
-def task_for(arm: Arm, name: str) -> WaypointTask:
-    """The default task of an arm of that name: its own, or a small square in front of its tip.
-    Raises FileError if the arm has no start, or can go round no square from there.
+def task_for(arm: Arm, robot: str, name: str = '') -> WaypointTask:
+    """The task of that name or file; without one the arm's own, or a small square in front of its
+    tip. An empty start becomes one at the first point, or as near as the arm gets.
+
+    Raises as load_task(), ArrayError for a start of other joints, and FileError without a square.
     """
-    if arm.task:
-        return load_task(arm.task)
+    if name or arm.task:
+        task = load_task(name or arm.task)
+        start = task.start if len(task.start) else _at_first_point(task, RobotModel(arm))
+        n = arm.kinematics().n
+        if len(start) != n:
+            raise ArrayError(f'start of a task of {robot} has {len(start)} joints; expected {n}')
+        return replace(task, robot=robot, start=start)
     start = np.array(arm.start)
     square = None
     if arm.start and arm.acceleration_limit:
         square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
     if square is None:
         raise FileError(
-            f'{name} has no task of its own, and no square that it could go round; name a task'
+            f'{robot} has no task of its own, and no square that it could go round; name a task'
         )
     points, segment_time = square
-    return WaypointTask(name, start, points, segment_time=segment_time)
+    return WaypointTask(robot, start, points, segment_time=segment_time)
+
+
+def _at_first_point(task: WaypointTask, model: RobotModel) -> JointPositions:
+    """By damped least squares, from the arm's own start."""
+    q = np.array(model.arm.start)
+    for _ in range(_STEPS):
+        x, R = model.tip(q)
+        error = task.waypoints[0] - x
+        if task.orientations is not None:
+            error = np.append(error, rotation_error(R, task.orientations[0]))
+        J = model.jacobian(q, model.arm.tip_frame)[: len(error)]
+        error /= max(float(np.linalg.norm(error)) / _STEP, 1.0)
+        dq = J.T @ np.linalg.solve(J @ J.T + 1e-4 * np.eye(len(J)), error)
+        q = np.clip(q + dq, *model.inner_range)
+    return q
+
+
+def _read_table(path: Path) -> dict[str, Any]:
+    """The content of a task by the columns that `redres simulate --out` writes, or t, x, y, z and,
+    of a pose, qx, qy, qz, qw. Raises FileError.
+    """
+    lines = read_text(path).strip('\ufeff \r\n').splitlines() or ['nothing']
+    try:
+        table = np.genfromtxt(lines, delimiter=',', names=True, ndmin=1)
+    except ValueError as error:
+        raise FileError(f'{path} is no table: {reason_of(error)}') from None
+    names = table.dtype.names or ()
+    position = ('x_d', 'y_d', 'z_d') if 'x_d' in names else ('x', 'y', 'z')
+    wanted = ('t', *position, *(_QUATERNION if 'qx' in names else ()))
+    if missing := [name for name in wanted if name not in names]:
+        raise FileError(f'{path} has no column {", ".join(missing)}; got: {quoted(lines[0])}')
+    values = np.transpose([table[name] for name in wanted])
+    t = values[:, 0]
+    is_good = np.isfinite(values).all(axis=1) & (np.diff(t, prepend=-np.inf) > 0.0)
+    if not is_good.all():
+        raise FileError(f'{path}: row {is_good.argmin() + 1} lacks a number, or a t above the last')
+    start = [np.degrees(table[name][0]) for name in names if re.fullmatch(r'q\d+', name)]
+    content = {'start': start, 'times': t - t[:1], 'waypoints': values[:, 1:4]}
+    turns = {'quaternions': values[:, 4:]} if 'qx' in names else {}
+    return {'robot': 'lwr4_paper', **content, **turns}
 
 
 def _to_task(content: Any, path: Path) -> WaypointTask:
     if not isinstance(content, dict) or not all(key in content for key in _REQUIRED):
-        raise FileError(
-            f'{path} is not a task; expected the keys {", ".join(_REQUIRED)} '
-            f'and, optionally, {", ".join(_OPTIONAL)}'
-        )
-    if 'quaternions' in content and 'rpy' in content:
-        raise FileError(f'{path} has quaternions and rpy; expected one of them')
+        keys = f'{", ".join(_REQUIRED)} and, optionally, {", ".join(_OPTIONAL)}'
+        raise FileError(f'{path} is not a task; expected the keys {keys}')
+    for pair in _CONFLICTS:
+        if content.keys() >= pair:
+            raise FileError(f'{path} has {" and ".join(sorted(pair))}; expected one of them')
     given: dict[str, Any] = {}
     for key, value in content.items():
         if key not in _READERS:
@@ -140,10 +194,8 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
         return WaypointTask(**given)
     count = len(given['waypoints'])
     if len(turns) not in (1, count):
-        raise FileError(
-            f'{path}: {len(turns)} orientations; expected one row, or one for each of the '
-            f'{count} points'
-        )
+        expected = f'one row, or one for each of the {count} points'
+        raise FileError(f'{path}: {len(turns)} orientations; expected {expected}')
     return WaypointTask(**given, orientations=np.broadcast_to(turns, (count, 3, 3)).copy())
 
 
@@ -223,17 +275,16 @@ def _events(value: Any) -> tuple[_TaskEvent, ...]:
 
 _REQUIRED = ('robot', 'start', 'waypoints')
 _OF_NODES = f'parameters of a node among {", ".join(_NODES)}'
+_POINTS = f'at least two points, rows of 3 finite numbers, none beyond {_FARTHEST:g}'
 _DEGREES = f'finite numbers, none beyond {_MOST_DEGREES:g}'
 _READERS: dict[str, tuple[Callable[[Any], Any], str]] = {  # and what is expected, in words
     'robot': (_name, 'a name'),
     'start': (_start, f'a list of {_DEGREES}'),
-    'waypoints': (
-        _waypoints,
-        f'at least two points, rows of 3 finite numbers, none beyond {_FARTHEST:g}',
-    ),
+    'waypoints': (_waypoints, _POINTS),
     'quaternions': (_quaternions, 'rows x, y, z, w of finite numbers, not all of them zero'),
     'rpy': (_angles, f'rows of 3 {_DEGREES}'),
     'segment_time': (_number, 'a number'),
+    'times': (lambda value: _numbers(value, (), 1e6), 'a list of finite numbers'),
     'feedback_gain': (_number, 'a number'),
     'tolerance': (_number, 'a number'),
     'orientation_tolerance': (_number, 'a number'),

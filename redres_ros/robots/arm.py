@@ -23,6 +23,7 @@ ACCELERATIONS = (1e-3, 1e6)  # [rad/s^2] that a limit may have, as a parameter
 OF_EACH_JOINT = (
     'rotor_inertia',
     'effort_limit',
+    'velocity_limit',
     'acceleration_limit',
     'jerk_limit',
     'end_speeds',
@@ -71,6 +72,7 @@ class Arm:
     assumptions: tuple[str, ...] = ()  # what was assumed of the arm, a sentence each
     other_tips: tuple[str, ...] = ()  # further links whose joints move, as of a second arm
     effort_limit: tuple[float, ...] = ()  # [Nm], or [N] of a sliding joint; empty: the URDF's own
+    velocity_limit: tuple[float, ...] = ()  # [rad/s]; empty: the URDF's own
     source: str = TEXT  # the URDF's name in errors
 
     def __post_init__(self) -> None:
@@ -123,12 +125,12 @@ class Arm:
             values = getattr(self, field)
             if values and len(values) != len(moving):
                 names = ', '.join(joint.name for joint in moving)
-                raise ArrayError(
-                    f'{field} has {len(values)} values; expected one for each joint that moves '
-                    f'{self.tip_frame}: {names}'
-                )
-        for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
-            child(joint.element, 'limit').set('effort', repr(effort))
+                expected = f'one for each joint that moves {self.tip_frame}: {names}'
+                raise ArrayError(f'{field} has {len(values)} values; expected {expected}')
+        given = {'effort': self.effort_limit, 'velocity': self.velocity_limit}
+        for attribute, values in given.items():
+            for joint, value in zip(moving, values, strict=False):
+                child(joint.element, 'limit').set(attribute, repr(value))
         if self.dynamics == 'cylinders':
             kinematics = Kinematics(urdf.text(), self.tip_frame, self.source)
             links = (kinematics.joints[index].link for index in kinematics.leading)

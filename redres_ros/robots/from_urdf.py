@@ -39,32 +39,22 @@ def arm_from_urdf(
     source: Path | str,
     tip_frame: str = '',
     elbow_frame: str = '',
-    *,
-    acceleration_limit: tuple[float, ...] = (),
     effort_limit: tuple[float, ...] = (),
 ) -> Arm:
     """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
 
     The source is a file (Path), or a URDF's text (str). Without a tip it is the
-    last link of an arm without branches. Limits are those of each joint, (n,).
+    last link of an arm without branches. Efforts are those of each joint, (n,).
 
     Raises as `Arm.description`; FileError also for too few joints, or more than one last link.
     """
-    arm = Arm(
-        source,
-        tip_frame,
-        elbow_frame,
-        acceleration_limit=acceleration_limit,
-        effort_limit=effort_limit,
-    )
+    arm = Arm(source, tip_frame, elbow_frame, effort_limit=effort_limit)
     if not tip_frame:
         arm = replace(arm, tip_frame=_last_link(arm))
     kinematics = arm.kinematics()
     if kinematics.n < _FEWEST_JOINTS:
-        raise FileError(
-            f'{arm.source}: {kinematics.n} joints move {arm.tip_frame}; '
-            f'expected at least {_FEWEST_JOINTS}'
-        )
+        moved = f'{kinematics.n} joints move {arm.tip_frame}'
+        raise FileError(f'{arm.source}: {moved}; expected at least {_FEWEST_JOINTS}')
     if not kinematics.offsets.any():
         raise FileError(
             f'{arm.source}: all joints of {arm.tip_frame} are at one point; expected links'
@@ -73,16 +63,14 @@ def arm_from_urdf(
     if not elbow_frame:
         elbow_frame = _middle_joint(kinematics)
         assumptions.append(f'the elbow is {elbow_frame}')
-    if not acceleration_limit:
-        acceleration_limit = tuple(
-            _PRISMATIC_ACCELERATION if joint.is_prismatic else _REVOLUTE_ACCELERATION
-            for joint in kinematics.joints
-        )
-        figures = ', '.join(f'{limit:g}' for limit in acceleration_limit)
-        assumptions.append(
-            f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 '
-            '(m/s^2 of a linear joint)'
-        )
+    acceleration_limit = tuple(
+        _PRISMATIC_ACCELERATION if joint.is_prismatic else _REVOLUTE_ACCELERATION
+        for joint in kinematics.joints
+    )
+    figures = ', '.join(f'{limit:g}' for limit in acceleration_limit)
+    assumptions.append(
+        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
+    )
     start, load = _start(kinematics)
     if load > 1.0:
         assumptions.append(

@@ -1,10 +1,14 @@
-"""Limits of an arm's joints: from its URDF, and accelerations from the table of arms."""
+"""Limits of an arm's joints: from its URDF, the table of arms, or a file of MoveIt's."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from redres_ros.robots.arm import Arm, EndSpeed
+from redres_ros.errors import FileError, RangeError
+from redres_ros.files.text import read_yaml
+from redres_ros.robots.arm import ACCELERATIONS, Arm, EndSpeed
 from redres_ros.types import JointAccelerations, JointPositions, JointVelocities
 
 
@@ -42,3 +46,38 @@ class JointLimits:
         down = np.sqrt(2.0 * deceleration * np.maximum(q - lower, 0.0)) - offset
         up = np.sqrt(2.0 * deceleration * np.maximum(upper - q, 0.0)) - offset
         return -np.clip(down, 0.0, V), np.clip(up, 0.0, V)
+
+
+def with_accelerations(arm: Arm, given: str | tuple[float, ...]) -> Arm:
+    """An arm with these acceleration limits, or with those of a MoveIt joint_limits.yaml and its
+    velocity limits where they are lower; empty: its own. Raises FileError, RangeError.
+    """
+    if given in ('', (), arm.acceleration_limit):
+        return arm
+    if isinstance(given, str):
+        content = read_yaml(Path(given))
+        kinematics = arm.kinematics()
+        names = [joint.name for joint in kinematics.joints]
+        accelerations = tuple(_of_moveit(content, name, 'acceleration') for name in names)
+        if np.inf in accelerations:
+            none = [name for name, A in zip(names, accelerations, strict=True) if A == np.inf]
+            expected = 'has_acceleration_limits: true, and max_acceleration'
+            raise FileError(f'{given} does not limit {", ".join(none)}; expected {expected}')
+        velocities = [_of_moveit(content, name, 'velocity') for name in names]
+        velocities = np.minimum(velocities, kinematics.velocity).tolist()
+        arm = replace(arm, velocity_limit=tuple(velocities))
+        given = accelerations
+    others = tuple(each for each in arm.assumptions if 'acceleration limits' not in each)
+    return replace(arm, acceleration_limit=given, assumptions=others)
+
+
+def _of_moveit(content: Any, joint: str, kind: str) -> float:
+    """A joint's limit in a joint_limits.yaml; infinite if there is none."""
+    try:
+        own = content['joint_limits'][joint]
+        limit = own[f'max_{kind}'] if own[f'has_{kind}_limits'] else np.inf
+    except (KeyError, TypeError):
+        return np.inf
+    if not (isinstance(limit, float | int) and limit > 0.0):
+        raise RangeError(f'max_{kind} of {joint}', limit, *ACCELERATIONS)
+    return float(limit)

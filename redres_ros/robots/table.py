@@ -125,12 +125,7 @@ def find_arm(name: str, **changes: object) -> Arm:
 
 
 def choose_arm(
-    robot: str,
-    tip_frame: str = '',
-    elbow_frame: str = '',
-    *,
-    acceleration_limit: tuple[float, ...] = (),
-    others: tuple[str, ...] = (),
+    robot: str, tip_frame: str = '', elbow_frame: str = '', others: tuple[str, ...] = ()
 ) -> Arm:
     """The arm of a name in the table, or of the path of a .urdf file; what is empty is
     the arm's own, or that which `arm_from_urdf` chooses.
@@ -138,12 +133,8 @@ def choose_arm(
     Raises UnknownNameError, which lists `others` that the caller takes, too, and FileError.
     """
     if robot in ARMS:
-        given = {
-            'tip_frame': tip_frame,
-            'elbow_frame': elbow_frame,
-            'acceleration_limit': acceleration_limit,
-        }
+        given = {'tip_frame': tip_frame, 'elbow_frame': elbow_frame}
         return find_arm(robot, **{name: value for name, value in given.items() if value})
     if Path(robot).suffix not in ('.urdf', '.xacro'):  # which is refused with a remedy
         raise UnknownNameError('robot', robot, (*ARMS, 'a path ending in .urdf', *others))
-    return arm_from_urdf(Path(robot), tip_frame, elbow_frame, acceleration_limit=acceleration_limit)
+    return arm_from_urdf(Path(robot), tip_frame, elbow_frame)

@@ -18,7 +18,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, UnknownNameError, reason_of
 from redres_ros.files.processes import end_with_parent
 from redres_ros.parameter import as_tuple, check_parameters, param
-from redres_ros.planning.waypoints import WaypointTask, load_task
+from redres_ros.planning.waypoints import WaypointTask, task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, choose_arm
 from redres_ros.simulation.closed_loop import run
@@ -176,11 +176,10 @@ def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
     task = None
     if case.task not in RANDOM_TASKS:
         try:
-            task = load_task(case.task)
+            task = task_for(arm, case.robot, case.task)
         except UnknownNameError as error:
             allowed = (*error.allowed, *RANDOM_TASKS)
             raise UnknownNameError(error.kind, error.got, allowed) from None
-        task.check_joints(model.n)
     make_controller(case, model, pose=task is not None and task.orientations is not None)
     return arm, task
 

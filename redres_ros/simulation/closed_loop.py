@@ -9,7 +9,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError
-from redres_ros.planning.planner import Planner, TargetFollower
+from redres_ros.planning.planner import Planner, TargetFollower, source_of
 from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
@@ -73,14 +73,14 @@ def run(
         controller: Responds to each state; with m = 6 the orientation is part of the task.
         task: Start and points.
         source: Where the task velocity comes from, such as a TargetFollower with poses and their
-            times in set_path(); None: a planner of the task.
+            times in set_path(); None: as source_of().
         plant: The arm; None: an ideal one.
         lead: By how much the task's time is ahead of the loop's at the start.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
             leave; False: brake the path as the planner node does (planning/task_clock.py).
         progress: Called with the fraction of the nominal duration that is over.
     """
-    source = source or Planner(task)
+    source = source or source_of(task, None, None)
     plant = plant or IdealArm(task.start)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from redres_ros.kernels.look_ahead import improve_motion
-from redres_ros.planning.planner import Planner
+from redres_ros.planning.planner import source_of
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
@@ -26,12 +26,14 @@ def best_motion(
     """
     if task.switching != 'at_rest':
         return None
-    steps = max(round(task.segment_time / _STEP), 1)
-    T = task.segment_time / steps
-    path = Planner(task).preview(0.0, task.segments * task.segment_time, step=T)
-    X = path.positions[1 : task.segments * steps + 1]
-    turned = path.rotations.reshape(-1, 3, 3)[1 : len(X) + 1]
-    times = T * np.arange(1, len(X) + 1)
+    duration = task.segments * task.segment_time
+    steps = max(round(duration / _STEP), 1)
+    T = duration / steps
+    times = T * np.arange(1, steps + 1)
+    source = source_of(task, None, None)
+    poses = [source.preview(t, 0.0) for t in times]
+    X = np.concatenate([pose.positions for pose in poses])
+    turned = np.concatenate([pose.rotations for pose in poses]).reshape(-1, 3, 3)
     finished = [each for each in recordings if each.finished]
     finished.sort(key=lambda each: float(np.sum(each['joint_acceleration_norm'] ** 2)))
     best = None

@@ -204,8 +204,9 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     for name, path, color in (('tip', tip, 'black'), ('elbow', elbow, 'tab:blue')):
         ax.plot(*path.T, color=color, label=name)
         ax.plot(*path[:1].T, 'o', color=color, ms=7)
-    ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
-    places, place_of = np.unique(task.waypoints.round(6), axis=0, return_inverse=True)
+    points = task.waypoints if task.times is None else task.waypoints[[0, -1]]
+    ax.plot(*points.T, 's', color='tab:red', ms=4, label='points of the task')
+    places, place_of = np.unique(points.round(6), axis=0, return_inverse=True)
     for number, place in enumerate(places):
         names = [f'$x_{point}$' for point in np.flatnonzero(place_of.ravel() == number)]
         ax.text(*place, f'  {", ".join(names)}', color='tab:red')

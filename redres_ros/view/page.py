@@ -20,7 +20,7 @@ from redres_ros.nodes.parameters import NONE, declare, named
 from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS
 from redres_ros.parameter import param
-from redres_ros.planning.waypoints import load_task, task_for
+from redres_ros.planning.waypoints import task_for
 from redres_ros.view.controls import Bindings, add_controls
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene
@@ -53,8 +53,7 @@ class _Page:
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
         planner = monitor.client.parameters('planner', ('task', 'robot'))
-        name = planner['task']
-        task = load_task(name) if name else task_for(model.arm, planner['robot'])
+        task = task_for(model.arm, planner['robot'], planner['task'])
         self._scene = ArmScene(server, model, task.waypoints)
         self._bindings = Bindings(monitor.client, values)
         self._add_panel()
