@@ -1,6 +1,4 @@
-"""The paper's ideal loop: tick by tick that of a loop written from the equations alone, with the
-figures expected.
-"""
+"""The paper's ideal loop: tick by tick one written from the equations alone; expected figures."""
 
 from dataclasses import replace
 from functools import cache
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 from doubles import LateArm
 
-from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros import LAWS, Controller, RedresError, RobotModel, load_task, make_law
 from redres_ros.planning.planner import TargetFollower
 from redres_ros.preview import Preview
 from redres_ros.simulation.closed_loop import run
@@ -151,6 +149,11 @@ def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry
     recording = run(limited, TASK)
     assert recording.finished
     assert recording['task_error'].max() < 5e-3  # at this period
+
+
+def test_a_start_of_other_joints_is_refused():
+    with pytest.raises(RedresError, match='start of the task'):
+        run(Controller(MODEL, 'minimum_velocity', 0.01), replace(TASK, start=np.zeros(0)))
 
 
 def test_a_follower_of_arrays_leads_the_tip_through_each_pose_at_its_time():

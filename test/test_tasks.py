@@ -134,8 +134,7 @@ def test_orientations_and_times_that_leave_something_open_are_refused(tmp_path, 
 
 def test_a_table_is_a_task_that_starts_at_its_first_pose(tmp_path):
     path = tmp_path / 'path.csv'
-    rows = ['1e9, 0.4, 0.1, 0.5, 1, 0, 0, 0', '1000000001.5, 0.4, 0.2, 0.5, 1, 0, 0, 0']
-    path.write_text('\n'.join(['# t, x, y, z, qx, qy, qz, qw', *rows]))
+    path.write_text('# t,x,y,z,qx,qy,qz,qw\n1e9,.4,0,.5,1,0,0,0\n1000000001.5,.4,.1,.5,1,0,0,0')
     model = RobotModel.named('fr3')
     task = task_for(model.arm, 'fr3', str(path))
     assert task.times.tolist() == [0.0, 1.5]
@@ -148,7 +147,6 @@ def test_a_table_is_a_task_that_starts_at_its_first_pose(tmp_path):
     ('table', 'words'),
     [
         ('', 'has no column t, x, y, z'),
-        ('t,x,y\n0,0,0', "has no column z; got: 't,x,y'"),
         ('t,x,y,z\n0,0,0,0\n1,nan,0,0', 'row 2 lacks a number'),
         ('t,x,y,z\n0,0,0,0\n0,0,0,0', 'row 2 lacks a number, or a t above the last'),
         ('t,x,y,z\n0,0,0,0\n1,0,0', 'is no table'),

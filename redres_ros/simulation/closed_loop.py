@@ -1,6 +1,4 @@
-"""The loop without ROS: planner, controller, and an arm, ideal as in the paper unless another one
-is given.
-"""
+"""The loop without ROS: planner, controller, and an arm, ideal as in the paper or another one."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -16,7 +14,7 @@ from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import MotionRecorder, Recording
-from redres_ros.types import JointPositions, Seconds, TaskVelocity
+from redres_ros.types import JointPositions, Seconds, TaskVelocity, finite_vector
 
 _PREVIEWED = 0.1  # [s] for which a preview is used, as that of the planner node
 PATIENCE = 3.0  # a task may take this many times its nominal duration
@@ -81,13 +79,14 @@ def run(
         progress: Called with the fraction of the nominal duration that is over.
     """
     source = source or source_of(task, None, None)
-    plant = plant or IdealArm(task.start)
+    start = finite_vector(task.start, controller.model.n, 'start of the task')
+    plant = plant or IdealArm(start)
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     is_pose = controller.m == 6
     speed = PathSpeed()
     unachieved: TaskVelocity | None = None  # of the last task velocity
-    rest = np.zeros(len(task.start))
+    rest = np.zeros(controller.model.n)
     previewed = max(round(_PREVIEWED / T), 1)  # cycles
     preview: Preview | None = None
     recorder = MotionRecorder(controller.model, T, is_pose)
