@@ -3,12 +3,13 @@ long.
 """
 
 import numpy as np
-from numba import boolean, float64, int64, void
+from numba import boolean, float64, void
 
-from redres_ros.kernels.compiled import compiled, direct, matrix, several, vector
+from redres_ros.kernels.compiled import compiled, direct, matrix, vector
 
 # [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
 _NEAR_HALF_A_TURN = 0.1
+_SLACK = 0.1  # of the fastest joint's speed, with which the error of a servo may change
 
 _VECTOR = float64[::1]
 _RANGES = float64[:, ::1]
@@ -73,22 +74,21 @@ def integrate(
 
 
 @direct
-@compiled(several(float64, int64)(vector(), vector(), vector(), float64, float64, _VECTOR))
-def largest_excess(
-    q: np.ndarray, dq: np.ndarray, other: np.ndarray, fraction: float, seconds: float, V: np.ndarray
-) -> tuple[float, int]:
-    """Let peaks of speed V (n,) fall to a fraction, or rise to the speeds of dq; the largest
-    |q - other| - V t of a joint [rad], and which joint that is.
+@compiled(void(vector(), vector(), float64, float64, _RANGES, _RANGES))
+def add_excess(
+    dq: np.ndarray, d: np.ndarray, seconds: float, lag: float, V: np.ndarray, e: np.ndarray
+) -> None:
+    """Add to e (2, n) [rad], by direction, how far an arm that has moved by d went beyond V t, with
+    the peaks V (2, n) of dq and -dq; then let these fall towards them, within `lag` [s].
     """
-    most = -np.inf
-    joint = 0
-    for i in range(len(q)):
-        V[i] = max(abs(dq[i]), fraction * V[i])
-        excess = abs(q[i] - other[i]) - V[i] * seconds
-        if excess > most:
-            most = excess
-            joint = i
-    return most, joint
+    fraction = max(1.0 - seconds / lag, 0.0)
+    slack = _SLACK * np.abs(V).max()
+    for i in range(len(dq)):
+        for k, v, moved in ((0, dq[i], d[i]), (1, -dq[i], -d[i])):
+            fastest = max(V[k, i], v)
+            beyond = moved - (fastest + slack) * seconds
+            e[k, i] = max(e[k, i] + beyond, 0.0)
+            V[k, i] = v + fraction * (fastest - v)
 
 
 @direct

@@ -399,6 +399,8 @@ class CommandLoop:
         is_stopped = self._held or not self._active or not commandable
         has_fault = faults.reason and not faults.released
         blocked = bool(is_stopped or has_fault or self._cycles.rate_error)
+        if self._interface.forwards_commands and self.mode not in MOVING_MODES:
+            blocked = blocked or self.mode is not Mode.HOLDING or self._held_reference.wait > 0.0
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
@@ -418,7 +420,7 @@ class CommandLoop:
             commandable=commandable,
             motion_allowed=allowed,
             motion_asked=asked,
-            at_rest=not asked and fastest <= _AT_REST,
+            at_rest=faults.is_lost or (not asked and fastest <= _AT_REST),
         )
         before = self.mode
         self.mode = next_mode(before, conditions)
@@ -429,7 +431,6 @@ class CommandLoop:
 
     def _begin_mode(self, state: _State, before: Mode) -> None:
         controller = self._controller
-        lag = LAG_TIME * self.faults.fast
         self.faults.begin()
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
@@ -444,9 +445,9 @@ class CommandLoop:
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.gap = 1
-            controller.hold_at(controller.reference)
+            controller.hold_at(state.q if self.faults.is_lost else controller.reference)
             followed = before in MOVING_MODES and not self.faults.reason
-            self._held_reference.begin(state.q, lag if followed else None)
+            self._held_reference.begin(state.q, LAG_TIME * self.faults.fast if followed else None)
         else:
             controller.hold()
             self.measurements.restart()

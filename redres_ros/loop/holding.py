@@ -41,14 +41,12 @@ class HeldReference:
     that begins to listen does not leap. The reference is placed where the arm comes to rest. If the
     arm then goes on by as much, it follows: it sags, which is explained from then on, as it would
     sink for ever. So is the error of an arm that has followed a motion, if it comes to rest within
-    what its lag explains, and no further from its reference than ever at rest. Before it has rested
-    following bounds that. Otherwise others have moved it; the same error once more is its servo's.
+    what its lag explains; else others have moved it.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._allowed = controller.robot_interface.following_tolerance  # [rad]
-        self._largest = np.full(controller.model.n, np.nan)  # error at rest, (n,) [rad]
         self.begin(np.zeros(controller.model.n))
 
     def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
@@ -59,6 +57,7 @@ class HeldReference:
         self._began = q
         self._explained = _SERVO if lag is None else lag + _SERVO  # from there, (n,) [rad]
         self._follows = lag is not None
+        self.wait = 0.0 if self._follows else _REST  # [s] to a motion, while it may sink
         if lag is None:
             self._expected = self._servo  # the error that shows that the arm sags, (n,) [rad]
 
@@ -77,15 +76,16 @@ class HeldReference:
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
         is_still = self._still >= _REST
-        most = self._largest + (_SERVO if is_still else self._explained)
-        is_beyond = not is_same and (away > self._allowed or (np.abs(error) > most).any())
+        is_beyond = not is_same and away > self._allowed
         goes_on = (np.abs(q - self._began) > self._explained).any()
         if self._follows and (goes_on or (is_still and is_beyond)):
             self._follows = False
             self._expected = np.zeros(len(q))
             is_same = False
+        is_here = is_still or (self._follows and not is_beyond) or away <= _SERVO
+        self.wait = max(self.wait - cycles * controller.T, 0.0) if is_here else _REST
         if not is_still:
-            return (self._follows and not is_beyond) or away <= _SERVO
+            return is_here
         self._expected = np.zeros(len(q))
         if self._follows or is_same:
             self._servo = self._servo + error
@@ -93,8 +93,8 @@ class HeldReference:
             controller.hold_at(q - self._servo)
             self._expected = error
             self._still = 0.0
+            self.wait = _REST
         self._follows = False
-        self._largest = np.fmax(self._largest, np.abs(self._servo))
         return True
 
 

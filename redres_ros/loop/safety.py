@@ -18,17 +18,18 @@ import numpy as np
 from redres_ros.command import Published
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
-from redres_ros.kernels.tick import largest, largest_excess, widen
+from redres_ros.kernels.tick import add_excess, largest, widen
 from redres_ros.types import Cycles, JointPositions
 
 LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
-_DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
 _DELAY = 0.03  # [s] of dead time that is allowed for
 _SHORTEST = 0.02  # [s] between two looks at whether the arm has moved
 _LONGEST = 1.0  # [s]
 _COMMANDED = 1e-3  # [rad] that a joint must be commanded to move before it is judged
 _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
+_CARRIED = 0.01  # [rad] beyond its references, at which others have moved an arm
+_LATE = 0.01  # [s] by which it may be late or early in its motion
 _AWAY = 3.0  # states in short succession that are away from the reference; encoders may fail once
 _AWAY_DECAY = 0.1  # of these for each good one
 _PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
@@ -52,6 +53,11 @@ class FaultMonitor:
         self._controller = controller
         self._model = controller.model
         self._allowed = controller.robot_interface.following_tolerance  # [rad]
+        self._most = _CARRIED if controller.robot_interface.forwards_commands else self._allowed
+        self._peaks = np.zeros((2, self._model.n))  # recent ones of dq and -dq, (2, n) [rad/s]
+        self._excess = np.zeros((2, self._model.n))  # motion beyond these, (2, n) [rad]
+        self._q = np.zeros(self._model.n)  # measured last, (n,) [rad]
+        self.fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
         self._pause = 0.0  # [s] for which no motion was asked for
         self._references: deque[JointPositions] = deque(maxlen=max(round(_DELAY / controller.T), 1))
         self.clear()
@@ -65,7 +71,6 @@ class FaultMonitor:
         self._upper = -self._lower
         self._elapsed = 0.0  # [s] of these
         self._settling = 0.0  # [s] for which the arm has moved without a task
-        self.fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
         self._away = 0.0  # states that were away from the reference, of late
 
     def set(self, reason: str) -> None:
@@ -77,6 +82,7 @@ class FaultMonitor:
 
     def clear(self) -> None:
         self.reason = ''
+        self.is_lost = False  # others have moved the arm, and its reference is of no use
         self.executes = True
         self.released = False
 
@@ -96,22 +102,28 @@ class FaultMonitor:
             self.clear()
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
-        published = self._controller.published
-        if not moves or self.reason or published is None:
-            return
+        published = self._controller.published or Published.at_rest(q)
         if cycles > 1:
             published = self._controller.bridged(published, cycles - 1)
-        left = max(1.0 - seconds / _DECAY_TIME, 0.0)
-        lag, joint = largest_excess(published.q, published.dq, q, left, LAG_TIME, self.fast)
-        if lag <= self._allowed:
-            self._away = max(self._away - _AWAY_DECAY, 0.0)
-        else:
-            self._away += 1.0
+        excess = self._excess.copy()
+        add_excess(published.dq, q - self._q, seconds, LAG_TIME, self._peaks, excess)
+        self.fast = np.abs(self._peaks).max(axis=0)
+        far = excess.max(axis=0) - _LATE * self.fast
+        joint = int(np.argmax(far))
+        is_judged = moves and not self.reason
+        is_away = is_judged and far[joint] > self._most
+        if not is_away:  # else the state may be wrong
+            self._q = q
+            self._excess = excess * is_judged
+        if not is_judged:
+            return
+        self._away = self._away + 1.0 if is_away else max(self._away - _AWAY_DECAY, 0.0)
         if self._away >= _AWAY:
+            self.is_lost = self._most < self._allowed
             self.set(
-                f'the arm does not follow: {self._model.joint_names[joint]} is {lag:.3g} rad '
-                f'further than it can be from its reference, allowed {self._allowed:g}; does '
-                'another robot publish joint_states, too?'
+                f'the arm does not follow: {self._model.joint_names[joint]} is {far[joint]:.3g} '
+                f'rad further than it can be from its reference, allowed {self._most:g}; does '
+                'another robot publish joint_states, too, or another controller move it?'
             )
         delayed = self._references[0] if self._references else published.q
         self._references.append(published.q)
