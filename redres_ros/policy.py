@@ -96,14 +96,14 @@ class Policy:
         else:
             dq, damped = resolve_one(rows, rates, b, W)
         if not damped:
-            return Solution(dq, J, dx, None, W, levels, scale, plan=plan)
+            return Solution(dq, J, dx, None, W, levels, scale, plan)
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _ROUNDING * np.linalg.norm(dx):
             dq = dq + escape(state, task, J, dx)
             if self.scaling == 'components':
                 dq = self._unlocked(dq, b, W, [(rows, rates), *levels[1:]], state)
             executed = J.dot(dq)
-        return Solution(dq, J, executed, dx - executed, W, levels, scale, plan=plan)
+        return Solution(dq, J, executed, dx - executed, W, levels, scale, plan)
 
     def constrained(self, free: Solution, state: RobotState, T: Seconds) -> Solution:
         """The velocity within limits that is nearest to a given one; itself if it keeps them."""
@@ -138,10 +138,10 @@ class Policy:
             free.W,
             free.levels,
             free.scale,
+            free.plan,
             solved.s,
             active,
             component_scaling=solved.component_scaling,
-            plan=free.plan,
         )
 
     def within(self, limits: 'Limits') -> 'Policy':
@@ -300,8 +300,7 @@ class Crossfade:
         )
         if at_once:
             mixed = self.new.constrained(mixed, state, T)
-        mixed.dq_old = old.dq
-        mixed.plan_old = old.plan
+        mixed.old = old
         return mixed
 
     def within(self, limits: 'Limits') -> 'Crossfade':
@@ -311,9 +310,10 @@ class Crossfade:
 
     def after(self, solution: Solution) -> Motion:
         """The motion once its solution has been commanded: it keeps its old motion's velocity."""
-        if solution.dq_old is None:
+        old = solution.old
+        if old is None:
             return self.new
-        return replace(self, dq_old=solution.dq_old, plan_old=solution.plan_old)
+        return replace(self, dq_old=old.dq, plan_old=old.plan)
 
     def _old_solution(self, state: RobotState, dx: TaskVelocity, T: Seconds) -> Solution | None:
         if self.old is None:

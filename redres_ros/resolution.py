@@ -90,13 +90,12 @@ class Solution:
     W: Weight = None
     levels: Sequence[Level] = ()  # all tasks in order, with comparable rows, if there are several
     scale: np.ndarray | None = None  # (m,), makes the rows of the first task comparable; None: are
+    plan: Any = None  # of a law that looks ahead
     s: float = 1.0  # task scaling: the fraction of `executed` that limits allow
     active_limit: Callable[[], str] | None = None  # the name of the limit that resists hardest
-    dq_old: JointVelocities | None = None  # in a crossfade: what the old motion would command
+    old: 'Solution | None' = None  # in a crossfade: that of the old motion
     # of `executed` along each component, translation and rotation, if scaled separately
     component_scaling: tuple[float, ...] = ()
-    plan: Any = None  # of a law that looks ahead
-    plan_old: Any = None  # in a crossfade: that of the old motion
 
     @property
     def desired(self) -> TaskVelocity:

@@ -115,9 +115,7 @@ class RobotState:
     @property
     def J(self) -> Jacobian:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        if self._J is None:
-            self._J = self.model._jacobian(self.q, self.model._tip)
-        return self._J
+        return self.jacobian('')
 
     @property
     def x(self) -> Position:
@@ -159,7 +157,11 @@ class RobotState:
 
     def jacobian(self, frame: str) -> Jacobian:
         """Of a frame, (6, n), rows as in `J`; '' is the tip."""
-        return self.model.jacobian(self.q, frame) if frame else self.J
+        if frame:
+            return self.model.jacobian(self.q, frame)
+        if self._J is None:
+            self._J = self.model._jacobian(self.q, self.model._tip)
+        return self._J
 
     def jacobian_derivatives(self, frame: str) -> JacobianDerivatives:
         """Of a frame's Jacobian, (n, 6, n), by its rows alone; '' is the tip.
