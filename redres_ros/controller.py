@@ -379,15 +379,14 @@ class Controller:
             motion = advanced(self._motion, self._desired, dq_prev, elapsed, time, base.plan)
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
-        n = self.model.n
-        q_ref = np.empty(n)
-        ddq = np.empty(n)
-        speed = integrate(start, self.T, dq, dq_prev, q_ref, ddq)
+        q_ref = start.copy()
+        ddq = dq_prev.copy()
+        speed = integrate(dq, self.T, q_ref, ddq)
         if not speed <= SPEED_LIMIT:
             raise self._diverged(motion, state, dx, speed)
         dq_ref = dq
         if start is not base.q:
-            dq_ref = np.empty(n)
+            dq_ref = np.empty(len(q))
             differentiate(q_ref, base.q, self.T, dq_ref)
         solution.dq = dq.copy()  # whatever is done to a command
         reference = Published(q_ref, dq_ref, ddq, dq, solution.plan)

@@ -155,8 +155,8 @@ def resolve_one(
     if not (J.dtype is dx.dtype is b.dtype is FLOAT64 and J.ndim == 2):  # these are users'
         J, dx, b = (np.asarray(each, FLOAT64) for each in (J, dx, b))
         check_shapes(J, dx, b, W)
-    dq = np.empty(len(b))
-    outcome = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
+    dq = b.copy()
+    outcome = closed_form(J, dx, J_lower, dx_lower, array, form, size, fastest, dq)
     if outcome == SOLVED:
         return dq, False
     if outcome == INDEFINITE:

@@ -201,14 +201,13 @@ def _solution(
     Q: np.ndarray,
     r: np.ndarray,
     first: int,
-    b: np.ndarray,
     W: np.ndarray | None,
     form: int,
     size: float,
     fastest: float,
     dq: np.ndarray,
 ) -> int:
-    """Write b + J_W^# (dx - J b), Eq. (A.13), into dq.
+    """Add J_W^# (dx - J b), Eq. (A.13), to dq = b.
 
     The task J dq = dx with J = R'Q is the same as Q dq = R'^-1 dx. Hence the result is also
     b + Q_W^# r with r = R'^-1 dx - Q b. The rows of Q are orthonormal, so without a weight
@@ -223,9 +222,8 @@ def _solution(
         return SINGULAR
     _solve_lower(R, r.reshape((1, m)))
     for i in range(n):
-        dq[i] = b[i]
         for k in range(m):
-            r[k] -= Q[k, i] * b[i]
+            r[k] -= Q[k, i] * dq[i]
     if W is not None:
         if not _add_weighted(Q, R, r, W.copy(), form, dq):
             return INDEFINITE
@@ -245,7 +243,7 @@ def _solution(
 @compiled(
     int64(
         *(matrix(), vector(), optional(matrix()), optional(vector())),
-        *(vector(), optional(matrix()), int64, float64, float64, float64[::1]),
+        *(optional(matrix()), int64, float64, float64, float64[::1]),
     )
 )
 def closed_form(
@@ -253,14 +251,13 @@ def closed_form(
     dx_first: np.ndarray,
     J_lower: np.ndarray | None,
     dx_lower: np.ndarray | None,
-    b: np.ndarray,
     W: np.ndarray | None,
     form: int,
     size: float,
     fastest: float,
     dq: np.ndarray,
 ) -> int:
-    """Write b + J_W^# (dx - J b), Eq. (A.13), into dq, with the J and dx of all tasks.
+    """Add J_W^# (dx - J b), Eq. (A.13), to dq = b, with the J and dx of all tasks.
 
     That is also what Eq. (20) asks for wherever each task can be executed exactly in what those
     before it leave. Rows of zeros in the first task, as of a planar arm, are left out. The weight W
@@ -268,7 +265,7 @@ def closed_form(
     judged against `size`, or the largest one; a dq longer than `fastest` is not the solution. The
     result is SOLVED, INCOMPLETE, SINGULAR, INDEFINITE or NOT_FINITE.
     """
-    n = len(b)
+    n = len(dq)
     lower = 0 if dx_lower is None else len(dx_lower)
     Q = np.empty((len(dx_first) + lower, n))
     r = np.empty(len(Q))
@@ -292,7 +289,7 @@ def closed_form(
             r[first + k] = dx_lower[k]
             for i in range(n):
                 Q[first + k, i] = J_lower[k, i]
-    outcome = _solution(Q[:m], r[:m], first, b, W, form, size, fastest, dq)
+    outcome = _solution(Q[:m], r[:m], first, W, form, size, fastest, dq)
     return INCOMPLETE if outcome == SOLVED and not complete else outcome
 
 

@@ -39,11 +39,11 @@ def largest(x: np.ndarray) -> float:
 
 
 @direct
-@compiled((float64, vector(), _VECTOR))
-def multiply(factor: float, x: np.ndarray, y: np.ndarray) -> None:
-    """Write factor x, (n,), into y: to the bit as numpy."""
+@compiled((float64, _VECTOR))
+def multiply(factor: float, x: np.ndarray) -> None:
+    """Multiply x, (n,), by a factor: to the bit as numpy."""
     for i in range(len(x)):
-        y[i] = factor * x[i]
+        x[i] *= factor
 
 
 @direct
@@ -55,20 +55,13 @@ def differentiate(x: np.ndarray, x_prev: np.ndarray, T: float, dx: np.ndarray) -
 
 
 @direct
-@compiled(float64(vector(), float64, vector(), vector(), _VECTOR, _VECTOR))
-def integrate(
-    q: np.ndarray,
-    T: float,
-    dq: np.ndarray,
-    dq_prev: np.ndarray,
-    q_ref: np.ndarray,
-    ddq: np.ndarray,
-) -> float:
-    """Write q + T dq (footnote 1) into q_ref, and (dq - dq_prev) / T into ddq; the speed |dq|."""
+@compiled(float64(vector(), float64, _VECTOR, _VECTOR))
+def integrate(dq: np.ndarray, T: float, q: np.ndarray, ddq: np.ndarray) -> float:
+    """Add T dq to q (footnote 1), and make ddq = dq_prev (dq - dq_prev) / T; the speed |dq|."""
     square = 0.0
     for i in range(len(q)):
-        q_ref[i] = q[i] + T * dq[i]
-        ddq[i] = (dq[i] - dq_prev[i]) / T
+        q[i] += T * dq[i]
+        ddq[i] = (dq[i] - ddq[i]) / T
         square += dq[i] * dq[i]
     return np.sqrt(square)
 

@@ -103,8 +103,8 @@ class MinimumAcceleration(Law):
             _look_ahead()  # which no tick may wait for
 
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:
-        b = np.empty(len(state.q))
-        multiply(self.forgetting_factor(T), state.dq_prev, b)  # in half of numpy's time
+        b = state.dq_prev.copy()
+        multiply(self.forgetting_factor(T), b)  # in half of numpy's time
         return b  # lambda dq_{k-1}, Eq. (23)
 
     def objective(self, state: RobotState, T: Seconds) -> _Objective:
