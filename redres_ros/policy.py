@@ -89,7 +89,7 @@ class Policy:
         rates = dx
         if scale is not None:
             rows, rates = scaled(J, dx, scale)
-        levels: list[Level] = []
+        levels: Sequence[Level] = ()
         if self.secondary_tasks:
             levels = [(rows, rates), *(each.level(state) for each in self.secondary_tasks)]
             dq, damped = resolve_in_order(levels, b, W)

@@ -80,17 +80,15 @@ def _effort(
     """R = I + M M, (K + 1, n, n), and r = M (n - g), (K + 1, n), of each step where it began in the
     last plan, if there is one: of |tau - g|^2 + |ddq|^2 with tau = M ddq + n.
     """
-    model = state.model
-    n = model.n
+    n = state.model.n
     reached = state.q + T * state.dq_prev
     q = np.vstack((state.q, reached, nodes[:-1] if len(nodes) else [reached] * (K - 1)))
-    dq = np.vstack(
-        (state.dq_prev, np.diff(q, axis=0) / np.array([T, *[h] * (len(q) - 2)])[:, None])
-    )
+    durations = np.array([T, *[h] * (len(q) - 2)])
+    dq = np.vstack((state.dq_prev, np.diff(q, axis=0) / durations[:, None]))
     R = np.empty((len(q), n, n))
     r = np.empty((len(q), n))
     for k in range(len(q)):
-        each = RobotState(model, q[k], dq[k])
+        each = RobotState(state.model, q[k], dq[k])
         M = each.M
         R[k] = np.eye(n) + M.dot(M)
         r[k] = M.dot(each.n - each.gravity)

@@ -173,9 +173,9 @@ class Limits:
 
     def violated(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> Bounds | None:
         """Their bounds at a state, if a velocity does not keep them all; None if it does."""
-        tick = state.tick
-        limits = self._joints, tick.gap, tick.longest_gap
-        is_far = not self.row_limits and are_far(dq, state.q, state.dq_prev, T, *limits)
+        is_far = not self.row_limits and are_far(
+            dq, state.q, state.dq_prev, T, self._joints, state.tick.gap, state.tick.longest_gap
+        )
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
             if any(self.yielding):
