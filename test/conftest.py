@@ -35,10 +35,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.option.junitprefix and not config.option.markexpr:
         config.option.markexpr = 'not slow'  # colcon test, which many a workspace runs as a whole
     if not hasattr(config, 'workerinput'):
-        # What processes import that start elsewhere may be another copy, that of an installation.
-        elsewhere = subprocess.Popen([sys.executable, compile_all.__file__])
         compile_all.compile_all()
-        elsewhere.wait()
+        # What processes import that start elsewhere may be another copy, that of an installation.
+        subprocess.call([sys.executable, compile_all.__file__])
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
