@@ -102,7 +102,8 @@ setup(
             'mypy==2.4.1',
             'scipy-stubs',
             'types-PyYAML',
-            'colcon-common-extensions',
+            'colcon-ros',
+            'colcon-bash',
             # from 70.1 on it builds wheels by itself; colcon needs one below 80
             'setuptools>=70.1,<80',
         ],

@@ -15,21 +15,16 @@ HERE = Path(__file__).parents[1] / 'redres_ros' / 'kernels'
 
 
 def compile_all() -> None:
-    """The last module first: who imports them in their order meanwhile compiles the others."""
-    names = [module.name for module in pkgutil.iter_modules(kernels.__path__)]
-    for name in reversed(names):
-        import_module(f'{kernels.__name__}.{name}')
-
-
-def take_over(folder: Path) -> None:
-    """Copy what was compiled from the same sources, and the times of these, which numba compares."""
-    names = [source.name for source in HERE.glob('*.py')]
-    if filecmp.cmpfiles(HERE, folder, names, shallow=False)[0] == names:
-        shutil.copytree(HERE, folder, dirs_exist_ok=True)
+    """The last module first: who imports them in order meanwhile compiles the others."""
+    for module in reversed(list(pkgutil.iter_modules(kernels.__path__, f'{kernels.__name__}.'))):
+        import_module(module.name)
 
 
 if __name__ == '__main__':
-    installed = Path(kernels.__file__).parent
-    if installed != HERE and os.access(installed, os.W_OK):
-        take_over(installed)
+    there = Path(kernels.__file__).parent
+    sources = [source.name for source in HERE.glob('*.py')]
+    same, _, _ = filecmp.cmpfiles(HERE, there, sources, shallow=False)
+    if same == sources and there != HERE and os.access(there, os.W_OK):
+        # numba compares the times of sources, which are copied, too: nothing is compiled twice.
+        shutil.copytree(HERE, there, dirs_exist_ok=True)
     compile_all()

@@ -13,7 +13,7 @@ from redres_ros import Preview
 from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import from_path, to_path
 
-RATE = 500.0  # [Hz]
+RATE = 200.0  # [Hz]
 TOPIC = 'planner/preview', 'controller'
 
 
@@ -48,14 +48,14 @@ def jumping(message, now):
 @pytest.mark.parametrize(
     'fault',
     [
-        pytest.param(jumping, id='jumps by 0.2 m'),
-        pytest.param(lambda message, now: [(1.0, message)], id='a second late'),
-        pytest.param(lambda message, now: [(0.0, message)] * (now % 2.0 < 1.0), id='ends'),
+        jumping,  # by 0.2 m
+        lambda message, now: [(1.0, message)],  # a second late
+        lambda message, now: [(0.0, message)] * (now % 2.0 < 1.0),  # ends
     ],
 )
 def test_whatever_becomes_of_previews_the_safety_filter_need_not_act(fault):
     run = motion(fault, seconds=5.0)
-    assert accelerations(run).max() < 60.0  # of minimum_velocity; nothing steps
+    assert accelerations(run).max() < 24.0  # nothing steps by 0.12 rad/s
 
 
 def test_a_preview_that_takes_cycles_to_read_is_refused():

@@ -140,18 +140,22 @@ class Graph:
     def is_stalled(self, listener: str) -> bool:
         return listener in self._stalled
 
-    def publish(self, topic: str, message: Any, *, latched: bool = False) -> None:
-        """To every listener, as the faults on its wire will have it."""
+    def publish(
+        self, topic: str, message: Any, *, latched: bool = False, kind: type | None = None
+    ) -> None:
+        """To every listener, as the faults on its wire will have it; a copy if it is of a kind."""
+        if not latched and topic not in self._receivers and topic not in self.kept:
+            return
+        if kind:
+            sent = message if isinstance(message, bytes) else serialize_message(message)
+            message = deserialize_message(sent, kind)
         now = self.clock.time_ns()
         if latched:
             self._latched[topic] = (message, now)
-        if topic not in self._receivers and topic not in self.kept:
-            return
-        sent = deserialize_message(serialize_message(message), type(message))
         if topic in self.kept:
-            self.kept[topic].append((self.clock.now, sent))
+            self.kept[topic].append((self.clock.now, message))
         for receiver in self._receivers.get(topic, ()):
-            self._deliver(topic, receiver, sent, now)
+            self._deliver(topic, receiver, message, now)
 
     def listeners(self, topic: str) -> int:
         return len(self._receivers.get(topic, ()))
@@ -275,10 +279,7 @@ class _Wire:
         self._latched = latched
 
     def publish(self, message: Any) -> None:
-        """Over the wires; one that is serialised already as what it is."""
-        if isinstance(message, bytes):
-            message = deserialize_message(message, self._kind)
-        self._graph.publish(self._topic, message, latched=self._latched)
+        self._graph.publish(self._topic, message, latched=self._latched, kind=self._kind)
 
     def get_subscription_count(self) -> int:
         return self._graph.listeners(self._topic)
