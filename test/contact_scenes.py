@@ -62,11 +62,7 @@ class PressingArm:
         shape = 'table' if has_table else 'none'
         environment = EnvironmentSettings(shape, surface, contact_stiffness=case.stiffness)
         self.plant = MujocoPlant(
-            self.model.arm,
-            case.T,
-            q0,
-            environment=environment,
-            servo_bandwidth=case.bandwidth,
+            self.model.arm, case.T, q0, environment=environment, servo_bandwidth=case.bandwidth
         )
         self.controller = Controller(
             self.model, law, case.T, limits=LIMITS, preferences=preferences

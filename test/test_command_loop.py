@@ -33,9 +33,7 @@ JOINT_LIMITS = ('position', 'velocity', 'acceleration')
 
 
 def make_controller(
-    switch_time: float = 0.1,
-    interface: Interface = 'fri',
-    limits: tuple[str, ...] = (),
+    switch_time: float = 0.1, interface: Interface = 'fri', limits: tuple[str, ...] = ()
 ) -> Controller:
     model = RobotModel.named('lwr4_paper')
     options = {'switch_time': switch_time, 'limits': limits, 'robot_interface': interface}

@@ -164,9 +164,7 @@ def test_every_example_has_a_test() -> None:
 
 
 @pytest.mark.realtime
-def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(
-    tmp_path: Path,
-) -> None:
+def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(tmp_path: Path) -> None:
     parameters = {'rate': 100.0, 'robot': 'lwr4_paper'}
     controller = parameters | {'robot_interface': 'ros2_control'}
     planner = parameters | {'autostart': True}

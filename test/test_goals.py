@@ -104,9 +104,7 @@ def test_a_target_stamped_by_this_computer_is_taken_by_a_robot_whose_clock_is_se
     assert state(run) is TaskState.MOVING
 
 
-def test_goals_for_a_robot_that_has_stopped_are_refused_and_never_executed(
-    run: VirtualRun,
-) -> None:
+def test_goals_for_a_robot_that_has_stopped_are_refused_and_never_executed(run: VirtualRun) -> None:
     stop_robot(run)
     send_target(run)
     run.run(0.1)

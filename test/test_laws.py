@@ -26,12 +26,7 @@ EVERY_LAW = pytest.mark.parametrize('cls', CLASSES.values(), ids=CLASSES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
 WITH_MEMORY = pytest.mark.parametrize(
     'name',
-    [
-        'minimum_acceleration',
-        'minimum_weighted_torque',
-        'dynamically_consistent',
-        'minimum_torque',
-    ],
+    ['minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque'],
 )
 
 

@@ -87,8 +87,7 @@ def assert_optimal(policy, state: RobotState, dx: np.ndarray, command) -> None:
 
 
 @pytest.mark.parametrize(
-    ('arm', 'law', 'names'),
-    by_day(16, product(['lwr4', 'fr3', 'planar4r'], LAWS, COMBINATIONS)),
+    ('arm', 'law', 'names'), by_day(16, product(['lwr4', 'fr3', 'planar4r'], LAWS, COMBINATIONS))
 )
 def test_every_tick_keeps_the_limits_at_least_cost_and_leaves_a_next_one(arm, law, names):
     """From random commands, in which the arm also has to brake. Torque gives way to the box."""

@@ -65,10 +65,7 @@ def test_while_nobody_listens_nothing_is_computed_or_sent() -> None:
 
 def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -> None:
     node = Listened()
-    parameters = {
-        'limits': ['position'],
-        'scene.obstacles': 'floor 0; sphere 0.5 0.1 0.4 0.1',
-    }
+    parameters = {'limits': ['position'], 'scene.obstacles': 'floor 0; sphere 0.5 0.1 0.4 0.1'}
     node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])
     show_obstacles(node, 'world')
     node.look()
@@ -87,10 +84,7 @@ def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -
 )
 def test_the_surface_that_the_tip_can_touch_is_shown(shape: str, kind: int, up: float) -> None:
     node = Listened()
-    parameters = {
-        'contact_shape': shape,
-        'contact_position': [0.4, 0.0, 0.3],
-    }
+    parameters = {'contact_shape': shape, 'contact_position': [0.4, 0.0, 0.3]}
     node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])
     show_obstacles(node, 'world', touched, 'contact')
     node.look()

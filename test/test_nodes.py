@@ -88,10 +88,7 @@ def test_a_node_that_cannot_start_says_why_in_one_line(
 
 @pytest.mark.parametrize('domain', ['abc', '233', '-1'])
 def test_a_domain_that_does_not_exist_is_refused(
-    domain: str,
-    as_it_was: None,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    domain: str, as_it_was: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
     assert run_node('planner', []) == 1

@@ -34,10 +34,7 @@ WELL = {
 }
 
 
-def text_of(
-    values: dict[str, object],
-    health: dict[str, NodeHealth] = WELL,
-) -> str:
+def text_of(values: dict[str, object], health: dict[str, NodeHealth] = WELL) -> str:
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(_page(values, health, 7))
     return console.export_text()
