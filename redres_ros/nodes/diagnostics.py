@@ -18,6 +18,7 @@ _QUIET = 1.0  # [s] an event is over when it has not recurred for that long
 _LOOK = 0.05  # [s] between looks at that
 _SILENCE = 0.1  # [s] without states that is reported, and at least as many cycles as
 _SILENT_CYCLES = 10
+_STARTING = 3.0  # [s] that a robot may take to start beside this node
 _STATES = 'states of the robot'
 
 
@@ -62,15 +63,14 @@ class Diagnostics:
         self._bad: dict[str, _Episode] = {}
         self._refused = 0
         self._longest = max(_SILENCE, _SILENT_CYCLES / rate) if rate else math.inf  # [s]
-        self._fed_at = time.monotonic()
+        self._fed_at = time.monotonic() + _STARTING
         node.create_timer(_LOOK, self._look, clock=STEADY)
         node.create_timer(1.0, self.publish, clock=STEADY)
 
     def publish(self) -> None:
         values, state, warning, error = self._health()
-        silence = 'no joint_states' if self.silent else ''
         inactive = '' if self._node.active else self._node.life
-        error = silence or error
+        error = 'no joint_states' if self.silent else error
         refused = ', '.join(episode.problem for episode in self._bad.values())
         warning = refused or inactive or warning
         level = DiagnosticStatus.WARN if warning else DiagnosticStatus.OK
