@@ -10,7 +10,7 @@ import pytest
 from redres_ros.cli import main
 from redres_ros.errors import FileError
 from redres_ros.paper import claims, figures
-from redres_ros.paper.claim import Claim, Finding, table, write_csv
+from redres_ros.paper.claim import Claim, Finding, write_csv
 from redres_ros.paper.claims import CLAIMS
 from redres_ros.paper.runs import Runs
 
@@ -38,13 +38,9 @@ def test_the_page_lists_each_claim_once_with_what_was_measured() -> None:
     assert all(row['section'] and row['measured'] for row in rows)
 
 
-def test_findings_are_shown_whole_and_a_file_that_cannot_be_written_is_named() -> None:
-    findings = {each: each.measure(None) for each in (GOOD, BAD)}
-    shown = table(findings)
-    assert 'NOT HELD' in shown
-    assert '1 of 2 claims held' in shown
+def test_a_file_that_cannot_be_written_is_named() -> None:
     with pytest.raises(FileError, match='cannot write'):
-        write_csv(findings, Path('/dev/null/claims.csv'))
+        write_csv({}, Path('/dev/null/claims.csv'))
 
 
 def test_the_command_draws_measures_and_writes(
@@ -56,5 +52,7 @@ def test_the_command_draws_measures_and_writes(
     monkeypatch.setattr(claims, 'CLAIMS', (GOOD, BAD))
     assert main(['reproduce', '--out', str(tmp_path)]) == 0
     assert drawn == [tmp_path]
-    assert '1 of 2 claims held' in capsys.readouterr().out
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert 'NOT HELD' in shown
+    assert '1 of 2 claims held' in shown
     assert (tmp_path / 'claims.csv').read_text().splitlines() == WRITTEN

@@ -79,11 +79,11 @@ def add(commands: Any) -> None:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    from redres_ros.paper.claim import table, write_csv
+    from redres_ros.paper.claim import tables, write_csv
     from redres_ros.paper.claims import CLAIMS
     from redres_ros.paper.figures import draw_all
     from redres_ros.paper.runs import Runs
-    from redres_ros.simulation.report import progress_bar
+    from redres_ros.simulation.report import print_tables, progress_bar
 
     import_module('scipy')  # an extra, asked for before a minute has passed
     runs = Runs()
@@ -95,7 +95,7 @@ def _reproduce(options: argparse.Namespace) -> int:
         draw_all(out, progress, runs)
     findings = {claim: claim.measure(runs) for claim in CLAIMS}
     write_csv(findings, out / 'claims.csv')
-    print(table(findings))
+    print_tables(*tables(findings))
     print(f'figures {out}/figure_*.png, table {out}/claims.csv')
     print(
         f'simulations with the {runs.model.arm.dynamics} of Section 5.2, '

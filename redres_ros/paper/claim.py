@@ -1,19 +1,18 @@
 """A claim of the paper, and the measured result."""
 
 import csv
-import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.table import Table
+
 from redres_ros.files.text import writing
 from redres_ros.paper.runs import Runs
+from redres_ros.simulation.report import facts
 
 PAPER = 'the paper'
 ASSUMPTION = 'our reading of the paper'
-
-_WIDTH = 118
-_INDENT = ' ' * 20
 
 
 @dataclass(frozen=True)
@@ -42,21 +41,18 @@ def claim(
     return lambda measure: Claim(section, says, measure, source)
 
 
-def table(findings: Mapping[Claim, Finding]) -> str:
-    """Text for the terminal: section, verdict and claim on a line, figures and remark below."""
-    lines = []
-    held: dict[str, list[bool]] = {}
+def tables(findings: Mapping[Claim, Finding]) -> list[Table]:
+    """For the terminal, one for each source: section, verdict, and the claim over its figures."""
+    rows: dict[str, list[tuple[str, str, str]]] = {}
     for claim, finding in findings.items():
-        if claim.source not in held:
-            lines.append(f'{claim.source}:')
-        held.setdefault(claim.source, []).append(finding.held)
         verdict = 'held' if finding.held else 'NOT HELD'
-        heading = f'{claim.section:<10}{verdict:<10}{claim.says}'
-        lines += textwrap.wrap(heading, _WIDTH, subsequent_indent=_INDENT)
-        for text in (finding.measured, finding.remark):
-            lines += textwrap.wrap(text, _WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT)
-    lines += [f'{source}: {sum(all_)} of {len(all_)} claims held' for source, all_ in held.items()]
-    return '\n'.join(lines)
+        texts = filter(None, (claim.says, finding.measured, finding.remark))
+        rows.setdefault(claim.source, []).append((claim.section, verdict, '\n'.join(texts)))
+    shown = []
+    for source, own in rows.items():
+        held = sum(verdict == 'held' for _, verdict, _ in own)
+        shown.append(facts(own, title=f'{source}: {held} of {len(own)} claims held'))
+    return shown
 
 
 def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
