@@ -129,7 +129,7 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
     ],
 )
 def test_a_wrong_case_is_refused_before_any_other_runs(fields, words, monkeypatch):
-    monkeypatch.setattr(module, '_work', lambda _: pytest.fail('a case was run'))
+    monkeypatch.setattr(module, '_work', lambda *_: pytest.fail('a case was run'))
     with pytest.raises(RedresError, match=words):
         next(batch([Case(T=T), Case(**fields)]))
 

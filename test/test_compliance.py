@@ -51,7 +51,7 @@ def test_the_acceleration_is_the_gain_times_the_torques_in_the_metric_of_the_law
         W = np.eye(7) if W is None else np.asarray(W)
         assert W @ ddq_N == pytest.approx(2.0 * torques, abs=1e-7)  # W has a condition of 1e8
     assert not compliance.acceleration(RobotState(model, state.q, state.q)).any()
-    with pytest.raises(ArrayError, match='expected 7 values'):
+    with pytest.raises(ArrayError, match=r'expected \(7,\)'):
         compliance.acceleration(with_torques(model, np.zeros(3)))
 
 
@@ -112,6 +112,6 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     arm.run(0.5, torques=np.full(7, 5.0))
     assert arm.loop.mode is Mode.MOVING
     arm.run(1.0, torques=np.zeros(3))
-    assert 'expected 7 values' in arm.loop.error
+    assert 'expected (7,)' in arm.loop.error
     before = arm.q
     assert (arm.run(0.2, torques=np.zeros(3)) == before).all()

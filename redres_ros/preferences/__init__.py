@@ -13,7 +13,7 @@ from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Weight, solve_weight
 from redres_ros.robot_model import RobotState
-from redres_ros.types import JointAccelerations
+from redres_ros.types import JointAccelerations, as_vector
 
 _LITTLE = 1e-3  # [rad/s^2]
 _FARTHEST = 1000.0  # [m] a height that no arm reaches; 1e308 times a gain would be infinite
@@ -165,11 +165,7 @@ class Compliance(Preference):
         torques = state.measurements.get(self.measurement)
         if torques is None:
             return np.zeros(len(state.q))
-        if torques.shape != state.q.shape:
-            raise ArrayError(
-                f'{self.measurement} has the shape {torques.shape}; expected {state.q.size} values'
-            )
-        return self.gain * torques
+        return self.gain * as_vector(torques, len(state.q), self.measurement)
 
     def acceleration_in(self, state: RobotState, W: Weight) -> JointAccelerations:
         return solve_weight(W, self.acceleration(state))

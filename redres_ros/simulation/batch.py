@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ _CLOSED = 1e-9  # [m] between the ends of a path that closes
 
 _Item = TypeVar('_Item')
 _Done = TypeVar('_Done')
+
+_Job = tuple['Case', Arm, WaypointTask | None]
 
 _shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker: work, items
 
@@ -85,14 +87,6 @@ class Result:
         return self.effort is not None and not self.effort.violation
 
 
-class _Job(NamedTuple):
-    """A case with all that a worker needs for it; task None: a random one."""
-
-    case: Case
-    arm: Arm
-    task: WaypointTask | None
-
-
 def batch(cases: Iterable[Case], executor: Executor | None = None) -> Iterator[Result]:
     """The results of many motions, as they finish.
 
@@ -110,7 +104,7 @@ def batch(cases: Iterable[Case], executor: Executor | None = None) -> Iterator[R
     jobs = list(_checked_jobs(cases))
     with nullcontext(executor) if executor else _processes(len(jobs)) as pool:
         try:
-            running = {pool.submit(_work, job): job.case for job in jobs}
+            running = {pool.submit(_work, *job): job[0] for job in jobs}
         except RuntimeError as error:  # it was shut down, or its workers died
             raise RedresError(f'the executor takes no cases: {reason_of(error)}') from None
         for future in as_completed(running):
@@ -159,13 +153,13 @@ def make_controller(
 
 
 def _checked_jobs(cases: Iterable[Case]) -> Iterator[_Job]:
-    """Jobs of cases; raises RedresError for one that cannot be run."""
+    """Cases with what a worker needs for them; raises RedresError for one that cannot be run."""
     checked: dict[str, tuple[Arm, WaypointTask | None]] = {}  # of cases that differ in seeds alone
     for case in cases:
         kind = repr(replace(case, seed=0))
         if kind not in checked:
             checked[kind] = _arm_and_task(case)
-        yield _Job(case, *checked[kind])
+        yield case, *checked[kind]
 
 
 def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
@@ -184,9 +178,8 @@ def _arm_and_task(case: Case) -> tuple[Arm, WaypointTask | None]:
     return arm, task
 
 
-def _work(job: _Job) -> Result:
-    """The result of a job; runs in a worker."""
-    case, arm, task = job
+def _work(case: Case, arm: Arm, task: WaypointTask | None) -> Result:
+    """The result of a case, for a task of None a random one; runs in a worker."""
     try:
         model = RobotModel(arm)
         task = task or make_random_task(case.task, model, case.robot, case.seed)
