@@ -66,8 +66,6 @@ def solve_constrained(
     input is not finite.
 
     Args:
-        dq_free: The optimum without limits.
-        W: Weight of the law.
         tasks: In order of priority; beside a singularity without the directions that dq_free does
             not execute.
         box: With lower <= upper.

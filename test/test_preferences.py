@@ -179,5 +179,5 @@ def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():
 
 
 def test_a_posture_of_another_arm_is_refused(model, states):
-    with pytest.raises(ArrayError, match='target of posture holds 6 angles; expected 7'):
+    with pytest.raises(ArrayError, match=r'target of posture has shape \(6,\); expected \(7,\)'):
         Posture(target=(0.0,) * 6).acceleration(states[0])

@@ -1,6 +1,6 @@
 """Limits of the joints: acceleration, jerk, velocity and position, all in one box; and torque."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -33,19 +33,13 @@ class BrakingLimit(Limit):
     """
 
     acceleration: tuple[float, ...] = ()  # [rad/s^2], for an arm whose table has none
+    A: JointAccelerations = field(init=False, repr=False)  # that is allowed
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_positive('acceleration', 'rad/s^2', self._given_acceleration, self)
-
-    @property
-    def _given_acceleration(self) -> tuple[float, ...]:
-        return self.acceleration or self.model.arm.acceleration_limit
-
-    @cached_property
-    def A(self) -> JointAccelerations:
-        """The acceleration that is allowed."""
-        return self.scale * np.array(self._given_acceleration)
+        given = self.acceleration or self.model.arm.acceleration_limit
+        _check_positive('acceleration', 'rad/s^2', given, self)
+        object.__setattr__(self, 'A', self.scale * np.array(given))
 
 
 @dataclass(frozen=True, eq=False)

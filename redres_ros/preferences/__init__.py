@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.errors import UnknownNameError
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Weight, solve_weight
 from redres_ros.robot_model import RobotState
@@ -94,12 +94,7 @@ class Posture(Preference):
     target: tuple[float, ...] = param((), 'q*, a value for each joint [rad]; none: the start')
 
     def acceleration(self, state: RobotState) -> JointAccelerations:
-        target = np.array(self.target)
-        if target.shape != state.q.shape:
-            raise ArrayError(
-                f'target of posture holds {target.size} angles; expected {state.q.size}, '
-                'one for each joint'
-            )
+        target = as_vector(np.array(self.target), len(state.q), 'target of posture')
         return -self.gain * (state.q - target)
 
     def with_initial_targets(self, state: RobotState) -> Self:

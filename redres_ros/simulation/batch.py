@@ -97,9 +97,8 @@ def batch(cases: Iterable[Case], executor: Executor | None = None) -> Iterator[R
         executor: Any executor of concurrent.futures, such as Dask's `client.get_executor()` or
             MPI's pool; None: one process for each processor.
 
-    Raises:
-        RedresError: A case that no worker could run, before any of them runs; an executor that
-            takes no cases.
+    Raises RedresError for a case that no worker could run, before any of them runs, and for an
+    executor that takes no cases.
     """
     jobs = list(_checked_jobs(cases))
     with nullcontext(executor) if executor else _processes(len(jobs)) as pool:

@@ -69,7 +69,6 @@ def run(
 
     Args:
         controller: Responds to each state; with m = 6 the orientation is part of the task.
-        task: Start and points.
         source: Where the task velocity comes from, such as a TargetFollower with poses and their
             times in set_path(); None: as source_of().
         plant: The arm; None: an ideal one.

@@ -16,7 +16,7 @@ from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import Table, check_parameters, param
 from redres_ros.resolution import Level, scaled
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity
+from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity, check_finite
 
 
 @dataclass(frozen=True)
@@ -282,8 +282,7 @@ def _check_length(name: str, values: tuple[float, ...], length: int) -> None:
     """Refuse a vector of another length, 0 for any, or one that is not finite; () is open."""
     if values and length and len(values) != length:
         raise ArrayError(f'{name} holds {len(values)} numbers; expected {length}, or none')
-    if not np.isfinite(values).all():
-        raise ArrayError(f'{name} is {values}; every value must be finite')
+    check_finite(np.array(values), name)
 
 
 def _check_direction(name: str, values: tuple[float, ...]) -> None:
