@@ -75,8 +75,10 @@ def _place(
     turns, offsets, joints, slides = chain
     origins = np.empty((len(joints), 3))
     axes = np.empty((len(joints), 3))
-    R[:] = turns[0]
-    x[:] = offsets[0]
+    for i in range(3):
+        x[i] = offsets[0, i]
+        for k in range(3):
+            R[i, k] = turns[0, i, k]
     for j in range(len(joints)):
         value = q[joints[j]]
         sine = np.sin(value)
@@ -103,14 +105,13 @@ def _place(
         column = joints[j]
         axis = axes[j]
         origin = origins[j]
-        if slides[j]:
-            J[:3, column] = axis
-            J[3:, column] = 0.0
-            continue
-        J[0, column] = axis[1] * (x[2] - origin[2]) - axis[2] * (x[1] - origin[1])
-        J[1, column] = axis[2] * (x[0] - origin[0]) - axis[0] * (x[2] - origin[2])
-        J[2, column] = axis[0] * (x[1] - origin[1]) - axis[1] * (x[0] - origin[0])
-        J[3:, column] = axis
+        for i in range(3):
+            J[i, column] = axis[i]
+            J[3 + i, column] = 0.0 if slides[j] else axis[i]
+        if not slides[j]:
+            J[0, column] = axis[1] * (x[2] - origin[2]) - axis[2] * (x[1] - origin[1])
+            J[1, column] = axis[2] * (x[0] - origin[0]) - axis[0] * (x[2] - origin[2])
+            J[2, column] = axis[0] * (x[1] - origin[1]) - axis[1] * (x[0] - origin[0])
 
 
 @inlined
@@ -151,7 +152,8 @@ def _linearise(
     error = np.zeros(6)
     for j in range(len(nodes)):
         _place(nodes[j], chain, J, x, R)
-        error[:3] = X[j] - x
+        for i in range(3):
+            error[i] = X[j, i] - x[i]
         if m > 3:
             _turn(R, turned[j], error)
             error[3:] *= _LEVER
@@ -411,14 +413,11 @@ def _approach_path(
 def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) -> None:
     """Write the values at a time, linear between those at `times`, constant beyond."""
     i = np.searchsorted(times, t)
-    if i == 0:
-        out[:] = values[0]
-    elif i == len(times):
-        out[:] = values[i - 1]
-    else:
-        c = (t - times[i - 1]) / (times[i] - times[i - 1])
-        for k in range(len(out)):
-            out[k] = values[i - 1, k] + c * (values[i, k] - values[i - 1, k])
+    before = max(i - 1, 0)
+    after = min(i, len(times) - 1)
+    c = (t - times[before]) / (times[after] - times[before]) if before < after else 0.0
+    for k in range(len(out)):
+        out[k] = values[before, k] + c * (values[after, k] - values[before, k])
 
 
 @part
@@ -450,7 +449,9 @@ def _next_nodes(
         _linearise(kept, path, chain, A[:0], kept_e)
         merit = _merit(q, v, kept, kept_e, problem) * (1.0 + _ROUNDING)
         if after > merit:
-            nodes[:] = kept
+            for j in range(K):
+                for k in range(len(q)):
+                    nodes[j, k] = kept[j, k]
             _linearise(nodes, path, chain, A, e)
             return min(trust * _SLOWER, _MOST_TRUST), merit
     return max(trust / _FASTER, _LEAST_TRUST), after
@@ -499,6 +500,8 @@ def plan_motion(
 
     The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) or empty.
     """
+    q = q.copy()  # contiguous as nodes are: parts are compiled for one type alone
+    v = v.copy()
     K, n = nodes.shape
     chain = turns, offsets, joints, slides
     problem = T, h, damping, lower, upper
@@ -525,7 +528,8 @@ def plan_motion(
         trust, merit = _next_nodes(q, v, problem, path, chain, elapsed, old, nodes, A, e)
     else:
         for j in range(K):
-            nodes[j] = q if j == 0 else nodes[j - 1]
+            for k in range(n):
+                nodes[j, k] = q[k] if j == 0 else nodes[j - 1, k]
             there = path[0][j : j + 1], path[1][j : j + 1]
             _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
         _linearise(nodes, path, chain, A, e)
@@ -562,6 +566,7 @@ def improve_motion(
 
     Each iterate is moved onto the path, so that merits compare motions along it.
     """
+    q = q.copy()
     K, n = nodes.shape
     m = 6 if len(turned) else 3
     chain = turns, offsets, joints, slides
@@ -587,7 +592,9 @@ def improve_motion(
         after = _merit(q, v, other, e, problem)
         if after < merit:
             stalled = stalled + 1 if after > (1.0 - _STALLED) * merit else 0
-            nodes[:] = other
+            for j in range(K):
+                for k in range(n):
+                    nodes[j, k] = other[j, k]
             merit = after
             trust = max(trust / 5.0, 1e-8)
         else:
