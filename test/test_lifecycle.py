@@ -106,7 +106,7 @@ def test_an_inactive_planner_refuses_to_start_and_to_go_to_a_pose(start_inactive
     response = planner._respond('planner/start', planner._start_task)
     assert (response.success, 'inactive' in response.message) == (False, True)
     planner._on_target(PoseStamped())
-    assert 'inactive' in planner._diagnostics.reasons
+    assert 'inactive' in planner._diagnostics._bad['target_pose'].problem
     assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
     response = planner._respond('planner/start', planner._start_task)
     assert response.success  # it begins with the robot's first state
