@@ -449,9 +449,7 @@ def _next_nodes(
         _linearise(kept, path, chain, A[:0], kept_e)
         merit = _merit(q, v, kept, kept_e, problem) * (1.0 + _ROUNDING)
         if after > merit:
-            for j in range(K):
-                for k in range(len(q)):
-                    nodes[j, k] = kept[j, k]
+            nodes[:] = kept
             _linearise(nodes, path, chain, A, e)
             return min(trust * _SLOWER, _MOST_TRUST), merit
     return max(trust / _FASTER, _LEAST_TRUST), after
@@ -500,13 +498,12 @@ def plan_motion(
 
     The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) or empty.
     """
-    q = q.copy()  # contiguous as nodes are: parts are compiled for one type alone
-    v = v.copy()
+    v = v.copy()  # contiguous, as q for _place(): parts are compiled for one type alone
     K, n = nodes.shape
     chain = turns, offsets, joints, slides
     problem = T, h, damping, lower, upper
     x = np.empty(3)
-    _place(q, chain, np.empty((0, n)), x, np.empty((3, 3)))
+    _place(q.copy(), chain, np.empty((0, n)), x, np.empty((3, 3)))
     first = np.empty(3)
     _sample(times, positions, 0.0, first)
     square = 0.0
@@ -528,8 +525,7 @@ def plan_motion(
         trust, merit = _next_nodes(q, v, problem, path, chain, elapsed, old, nodes, A, e)
     else:
         for j in range(K):
-            for k in range(n):
-                nodes[j, k] = q[k] if j == 0 else nodes[j - 1, k]
+            nodes[j] = q if j == 0 else nodes[j - 1]
             there = path[0][j : j + 1], path[1][j : j + 1]
             _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
         _linearise(nodes, path, chain, A, e)
@@ -566,7 +562,6 @@ def improve_motion(
 
     Each iterate is moved onto the path, so that merits compare motions along it.
     """
-    q = q.copy()
     K, n = nodes.shape
     m = 6 if len(turned) else 3
     chain = turns, offsets, joints, slides
@@ -592,9 +587,7 @@ def improve_motion(
         after = _merit(q, v, other, e, problem)
         if after < merit:
             stalled = stalled + 1 if after > (1.0 - _STALLED) * merit else 0
-            for j in range(K):
-                for k in range(n):
-                    nodes[j, k] = other[j, k]
+            nodes[:] = other
             merit = after
             trust = max(trust / 5.0, 1e-8)
         else:
