@@ -412,7 +412,7 @@ def _approach_path(
 @part
 def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) -> None:
     """Write the values at a time, linear between those at `times`, constant beyond."""
-    i = np.searchsorted(times, t)
+    i = int(np.searchsorted(times, t))
     before = max(i - 1, 0)
     after = min(i, len(times) - 1)
     c = (t - times[before]) / (times[after] - times[before]) if before < after else 0.0
