@@ -13,6 +13,7 @@ from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws.look_ahead import _NO_PLAN, _NODES, look_ahead
 from redres_ros.preview import Ahead
 from redres_ros.robot_model import RobotState
+from redres_ros.simulation.random_tasks import make_random_task
 
 T = 0.002  # [s]
 HORIZON = 2.0  # [s]
@@ -158,6 +159,17 @@ def test_on_the_rectangle_it_accelerates_far_less_than_the_law_of_the_paper():
     assert recording.finished
     assert np.linalg.norm(ddq, axis=1).max() <= 3.2  # [rad/s^2]; 8.4 without a horizon
     assert (ddq**2).sum() * T <= 17.0  # 55
+
+
+def test_a_plan_that_cannot_reach_the_path_is_begun_anew():
+    iiwa = RobotModel.named('iiwa7')
+    task = make_random_task('near_singular', iiwa, 'iiwa7', 195)  # its first plan gets stuck
+    effort = []
+    for law in (AHEAD, make_law('minimum_velocity')):
+        recording = run(Controller(iiwa, law, 0.005), task)
+        ddq = np.diff(recording.vectors('dq1'), axis=0) / 0.005
+        effort.append((ddq**2).sum())
+    assert effort[0] < effort[1]  # 34 times as much
 
 
 @pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_effort_ahead'])

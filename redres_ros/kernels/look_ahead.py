@@ -30,7 +30,7 @@ from numba import boolean, float64, int64, void
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
-_RHO = 5e5  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
+_RHO = 2e6  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
 _STIFFNESS = 1e4  # of the excess of ranges
 _LONGEST = 0.1  # [m] error that counts at once: a linearisation holds no farther
 _LEVER = 1.0  # [m] on which an angle counts by its arc
@@ -38,6 +38,9 @@ _LEAST_TRUST = 3.0
 _MOST_TRUST = 1e5
 _FASTER = 1.5  # by which the trust falls with each plan that is accepted
 _SLOWER = 4.0  # by which it rises with one that is not
+# A plan is stuck whose trust has risen so far, or an error [m]: another branch may be better
+_STUCK = 100.0
+_OFF = 5e-3
 _RISE = 1e-3  # of the merit that is taken for that of the time that has come into sight
 _ROUNDING = 1e-6  # of a merit
 _GUESSES = 2  # iterations of the first guess at each node
@@ -410,6 +413,23 @@ def _approach_path(
 
 
 @part
+def _guess(
+    q: np.ndarray,
+    path: tuple[np.ndarray, np.ndarray],
+    chain: tuple[np.ndarray, ...],
+    nodes: np.ndarray,
+    A: np.ndarray,
+    e: np.ndarray,
+) -> None:
+    """Write nodes along the path, each near the one before, and linearise."""
+    for j in range(len(nodes)):
+        nodes[j] = q if j == 0 else nodes[j - 1]
+        there = path[0][j : j + 1], path[1][j : j + 1]
+        _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
+    _linearise(nodes, path, chain, A, e)
+
+
+@part
 def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) -> None:
     """Write the values at a time, linear between those at `times`, constant beyond."""
     i = int(np.searchsorted(times, t))
@@ -433,8 +453,9 @@ def _next_nodes(
     A: np.ndarray,
     e: np.ndarray,
 ) -> tuple[float, float]:
-    """Write the nodes to which the old plan leads, and their linearisation, unless its own nodes
-    have less merit than theirs; the trust to put in them, and their merit.
+    """Write the nodes to which the old plan leads, or its own if their merit is less, or, if these
+    are stuck, a first guess whose merit is less still; and their linearisation. The trust to put in
+    them, and their merit.
     """
     old_nodes, old_L, old_Y, trust, merit = old
     h = problem[1]
@@ -442,6 +463,7 @@ def _next_nodes(
     _roll_out(q, v, h, elapsed, old_L, old_Y, nodes)
     _linearise(nodes, path, chain, A, e)
     after = _merit(q, v, nodes, e, problem)
+    factor = 1.0 / _FASTER
     if after > merit * (1.0 + _RISE):  # else its own nodes need not be asked
         kept = old_nodes.copy()
         _shift(kept, elapsed / h, old_nodes[K - 1] - old_nodes[K - 2])
@@ -451,8 +473,23 @@ def _next_nodes(
         if after > merit:
             nodes[:] = kept
             _linearise(nodes, path, chain, A, e)
-            return min(trust * _SLOWER, _MOST_TRUST), merit
-    return max(trust / _FASTER, _LEAST_TRUST), after
+            after = merit
+            factor = _SLOWER
+    trust *= factor
+    largest = 0.0
+    for error in e.flat:
+        largest = max(largest, abs(error))
+    if trust > _STUCK or largest > _OFF:
+        other = np.empty(nodes.shape)
+        other_e = np.empty(e.shape)
+        _guess(q, path, chain, other, A, other_e)
+        merit = _merit(q, v, other, other_e, problem)
+        if merit < after:
+            nodes[:] = other
+            e[:] = other_e
+            return _LEAST_TRUST, merit
+        _linearise(nodes, path, chain, A, e)
+    return min(max(trust, _LEAST_TRUST), _MOST_TRUST), after
 
 
 @direct
@@ -524,11 +561,7 @@ def plan_motion(
         old = old_nodes, old_L, old_Y, trust, merit
         trust, merit = _next_nodes(q, v, problem, path, chain, elapsed, old, nodes, A, e)
     else:
-        for j in range(K):
-            nodes[j] = q if j == 0 else nodes[j - 1]
-            there = path[0][j : j + 1], path[1][j : j + 1]
-            _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
-        _linearise(nodes, path, chain, A, e)
+        _guess(q, path, chain, nodes, A, e)
         for _ in range(_WARM):
             _recurse(q, v, nodes, A, trust, L[:0], W[:0], L, Y, W, b, *problem)
             old = nodes.copy(), L, Y, trust, 0.0
