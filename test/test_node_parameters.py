@@ -91,12 +91,27 @@ def test_parameters_are_set_live_and_refused_with_a_reason() -> None:
         node.destroy_node()
 
 
-def test_walls_that_no_limit_keeps_are_reported_with_what_to_do() -> None:
+@pytest.mark.parametrize(
+    ('ignored', 'problem', 'mended'),
+    [
+        (
+            {'scene.walls': 'inside_sphere 0 0 0 2'},
+            'add workspace to the parameter limits',
+            {'limits': ['position', 'workspace']},
+        ),
+        (
+            {'preferences': 'posture', 'law': 'minimum_velocity'},
+            'preferences have no effect: minimum_velocity',
+            {'law': 'minimum_torque'},
+        ),
+    ],
+)
+def test_what_is_set_without_effect_is_reported(ignored, problem, mended) -> None:
     with ros():
         node = ControllerNode()
-        assert set_in(node, {'scene.walls': 'inside_sphere 0 0 0 2'}) == ''
-        assert 'add workspace to the parameter limits' in node._policy.problem
-        assert set_in(node, {'limits': ['position', 'workspace']}) == ''
+        assert set_in(node, ignored) == ''
+        assert problem in node._policy.problem
+        assert set_in(node, mended) == ''
         assert not node._policy.problem
         node.destroy_node()
 

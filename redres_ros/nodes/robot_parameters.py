@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.files.processes import handled
-from redres_ros.laws import HORIZON, LAWS, look_ahead
+from redres_ros.laws import HORIZON, LAWS, law_name, look_ahead
 from redres_ros.limits import LIMITS
 from redres_ros.nodes.parameters import NONE, ParameterError, declare, declare_one, named
 from redres_ros.nodes.topics import LATCHED
@@ -156,7 +156,10 @@ class PolicyParameters:
 
     @property
     def problem(self) -> str:
-        """Why walls are not kept; empty if they are, or if there are none."""
+        """What is set but has no effect; empty if all has."""
+        law = self.policy.law
+        if self.policy.preferences and not law.has_memory:
+            return f'preferences have no effect: {law_name(law)} does not know the last velocity'
         if not self._values['scene.walls'] or 'workspace' in self._values['limits']:
             return ''
         return 'walls are set but not kept: add workspace to the parameter limits'
