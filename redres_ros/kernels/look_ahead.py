@@ -30,7 +30,7 @@ from numba import boolean, float64, int64, void
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
-_RHO = 2e6  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
+_RHO = 5e5  # [1/(m^2 s^3)] weight of errors, beside squares of accelerations over time
 _STIFFNESS = 1e4  # of the excess of ranges
 _LONGEST = 0.1  # [m] error that counts at once: a linearisation holds no farther
 _LEVER = 1.0  # [m] on which an angle counts by its arc
@@ -476,10 +476,7 @@ def _next_nodes(
             after = merit
             factor = _SLOWER
     trust *= factor
-    largest = 0.0
-    for error in e.flat:
-        largest = max(largest, abs(error))
-    if trust > _STUCK or largest > _OFF:
+    if trust > _STUCK or e.max() > _OFF or e.min() < -_OFF:
         other = np.empty(nodes.shape)
         other_e = np.empty(e.shape)
         _guess(q, path, chain, other, A, other_e)

@@ -62,8 +62,8 @@ def look_ahead(
     Y = np.empty((K, n, width(n)))
     W = np.empty((n, n))
     b = np.empty(n)
-    # As much as half a horizon more, that is free, would still cost
-    settings = T, h, damping / (1.0 + damping * horizon / 2.0)
+    # as much as one more step, that is free, would still cost
+    settings = T, h, damping / (1.0 + damping * h)
     trust, merit = plan_motion(
         *(state.q, state.dq_prev, *settings, *model.inner_range, *model.kinematics.chain),
         *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5]),
