@@ -321,6 +321,17 @@ def test_an_arm_that_sags_under_its_reference_does_not_creep(sag: float, moves: 
         assert np.abs(q - START).max() < 2.1 * sag
 
 
+@pytest.mark.parametrize(('noise', 'problem'), [(0.01, 'do not come to rest'), (1e-4, '')])
+def test_that_an_arm_does_not_come_to_rest_is_reported(noise: float, problem: str) -> None:
+    robot = limited(interface='ros2_control')
+    random = np.random.default_rng(1)
+    for _ in range(1000):
+        robot.q = START + noise * random.normal(size=7)
+        robot.ask()
+    assert problem in robot.following.error
+    assert bool(problem) == bool(robot.following.error)
+
+
 def test_an_arm_that_sags_elsewhere_than_where_it_rested_is_not_placed_anew() -> None:
     robot = limited(interface='ros2_control')
     q = START

@@ -116,6 +116,14 @@ def test_what_is_set_without_effect_is_reported(ignored, problem, mended) -> Non
         node.destroy_node()
 
 
+def test_parameters_are_set_live_also_while_joints_are_steered() -> None:
+    with ros():
+        node = ControllerNode()
+        node._controller.follow_joints(True)
+        assert set_in(node, {'limit_scale': 0.1}) == ''
+        node.destroy_node()
+
+
 def set_in(node: Any, values: dict[str, Any]) -> str:
     """Set parameters at once, as by a service; why that was refused."""
     changes = [Parameter(name, value=value) for name, value in values.items()]

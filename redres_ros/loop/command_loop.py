@@ -30,6 +30,7 @@ from redres_ros.types import (
 )
 
 _AT_REST = 1e-4  # [rad/s]
+_PATIENCE = 1.0  # [s] for an arm that is to come to rest
 _TWIST = 6  # rows of a task velocity that has components to hold
 _ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # A robot that holds executes the second alone of two responses that it gets in one cycle. A state
@@ -126,6 +127,8 @@ class CommandLoop:
             return f'{reason}; controller/hold with false, or a new motion, lets it go on'
         if self._cycles.rate_error or self.mode is not Mode.HOLDING or self._newest is None:
             return self._cycles.rate_error
+        if self._interface.forwards_commands and self._held_reference.restless > _PATIENCE:
+            return 'the measured positions do not come to rest; no motion begins before'
         return self.faults.holding_problem(self._newest.q)
 
     @property

@@ -54,6 +54,7 @@ class HeldReference:
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
         self._stood = q
         self._still = 0.0  # [s] for which it has stood there
+        self.restless = 0.0  # [s] for which it has not come to rest
         self._began = q
         self._explained = _SERVO if lag is None else lag + _SERVO  # from there, (n,) [rad]
         self._follows = lag is not None
@@ -72,6 +73,7 @@ class HeldReference:
             self._stood = q
             self._still = 0.0
         self._still += cycles * controller.T
+        self.restless += cycles * controller.T
         error = q - controller.reference - self._servo
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
@@ -86,6 +88,7 @@ class HeldReference:
         self.wait = max(self.wait - cycles * controller.T, 0.0) if is_here else _REST
         if not is_still:
             return is_here
+        self.restless = 0.0
         self._expected = np.zeros(len(q))
         if self._follows or is_same:
             self._servo = self._servo + error

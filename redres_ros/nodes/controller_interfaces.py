@@ -47,6 +47,7 @@ class Sensors:
         self._loop = loop
         self._contact = loop.measurements.contact
         self._diagnostics = diagnostics
+        self._rows = controller.m  # of the task; joints that are steered have others
         self.check({})
         self._joints = JointMapper(controller.model.joint_names)
         self._subscribed: set[str] = set()
@@ -57,7 +58,7 @@ class Sensors:
     def check(self, changes: dict[str, Any]) -> None:
         """Raise RedresError for changes of parameters that would be refused."""
         settings = with_changes(self._contact.settings, changes, ADMITTANCE)
-        settings.check(self._controller.m)
+        settings.check(self._rows)
         if settings.frame not in (BASE, TIP):
             model = self._controller.model
             model.position(np.zeros(model.n), settings.frame)
