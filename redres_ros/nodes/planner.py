@@ -261,7 +261,8 @@ class PlannerNode(ManagedNode):
 
     def _check_ready(self) -> None:
         if not self.active:
-            raise GoalError(f'the planner is {self.life}; activate it first')
+            remedy = 'start its process again' if self.life == 'finalized' else 'activate it first'
+            raise GoalError(f'the planner is {self.life}; {remedy}')
         stopped = self._run.stop_reason
         if stopped:
             raise GoalError(f'the robot has stopped: {stopped}; call sim/reset to go on')
