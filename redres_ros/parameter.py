@@ -3,6 +3,7 @@ the tables of the building blocks that have them: laws, preferences, tasks and l
 """
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
 from numbers import Real
@@ -191,9 +192,9 @@ def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
 
 def check_once(kind: str, entries: Iterable[object]) -> None:
     """Raise RepeatedNameError for a name of that kind that is given twice; objects may repeat."""
-    names = [entry for entry in entries if isinstance(entry, str)]
-    for name in names:
-        if names.count(name) > 1:
+    names = Counter(entry for entry in entries if isinstance(entry, str))
+    for name, count in names.items():
+        if count > 1:
             raise RepeatedNameError(kind, name)
 
 
