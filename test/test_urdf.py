@@ -92,6 +92,16 @@ def model_of(text: str, tip: str = 'tip') -> RobotModel:
     return RobotModel(arm_from_urdf(text, tip))
 
 
+def test_a_urdf_that_would_take_all_memory_or_cannot_be_written_is_refused_in_one_line():
+    links = ''.join(
+        f'<link name="l{k}"/>' + joint(f'j{k}', f'l{k - 1}' if k else 'base', f'l{k}', '', 'fixed')
+        for k in range(400)
+    )
+    assert 'more joints than 100 lead to l399' in refusal(urdf(links), 'l399')
+    nested = 100_000 * '<a>' + 100_000 * '</a>'
+    assert 'its elements are nested too deeply' in refusal(urdf(nested))
+
+
 @pytest.mark.parametrize('kind', ['floating', 'planar', 'continuous'])
 def test_joints_of_any_kind_beside_the_chain_are_held_at_zero_and_named(kind):
     text = urdf(finger=joint('finger', 'palm', 'left', '<axis xyz="0 0 1"/>', kind))

@@ -23,6 +23,7 @@ CONTINUOUS_RANGE = 2000.0 * math.pi  # [rad] to either side, for a joint that tu
 UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 
 _LARGEST = 1e50  # number, whose square is finite as well
+_MOST_JOINTS = 100  # from the root link to a tip; memory grows by the cube of their number
 _MOVING = ('revolute', 'continuous', 'prismatic')
 _OF_MOVING_JOINTS = ('axis', 'limit', 'dynamics', 'mimic', 'safety_controller', 'calibration')
 
@@ -67,8 +68,11 @@ class Urdf:
         return cls(robot, source)
 
     def text(self) -> str:
-        """The URDF as it is now."""
-        return ET.tostring(self.robot, encoding='unicode')
+        """The URDF as it is now. Raises FileError."""
+        try:
+            return ET.tostring(self.robot, encoding='unicode')
+        except RecursionError:
+            raise self.error('its elements are nested too deeply') from None
 
     def error(self, problem: str) -> FileError:
         """An error to raise, which names this URDF."""
@@ -165,6 +169,8 @@ def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[_Joint, ...]:
         joint = above[link]
         if joint in chain:
             raise urdf.error(f'joint {joint.name} is part of a circle; expected a tree of links')
+        if len(chain) == _MOST_JOINTS:
+            raise urdf.error(f'more joints than {_MOST_JOINTS} lead to {tip_frame}')
         chain.append(joint)
         link = joint.parent
     for other_root in urdf.links.keys() - above.keys() - {link}:
