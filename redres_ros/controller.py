@@ -12,7 +12,7 @@ import numpy as np
 
 from redres_ros.command import ROBOT_INTERFACES, Command, Published, RobotInterface
 from redres_ros.errors import DivergedError, RangeError, RedresError
-from redres_ros.kernels.tick import are_usable, differentiate, integrate
+from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, advanced, make_policy
@@ -381,15 +381,14 @@ class Controller:
         dq = solution.dq
         q_ref = start.copy()
         ddq = dq_prev.copy()
-        speed = integrate(dq, self.T, q_ref, ddq)
+        command = dq_ref = dq.copy()  # whatever is done to the solution's own
+        is_measured = start is not base.q
+        if is_measured:
+            command = dq.copy()
+        speed = integrate(dq, self.T, q_ref, ddq, base.q, dq_ref, is_measured)
         if not speed <= SPEED_LIMIT:
             raise self._diverged(motion, state, dx, speed)
-        dq_ref = dq
-        if start is not base.q:
-            dq_ref = np.empty(len(q))
-            differentiate(q_ref, base.q, self.T, dq_ref)
-        solution.dq = dq.copy()  # whatever is done to a command
-        reference = Published(q_ref, dq_ref, ddq, dq, solution.plan)
+        reference = Published(q_ref, dq_ref, ddq, command, solution.plan)
         return Plan(solution, q_ref.copy(), state, self.T, motion, base, reference)
 
     def commit(self, plan: Plan) -> Command:

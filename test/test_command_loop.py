@@ -526,21 +526,24 @@ def test_a_controller_activated_again_in_motion_makes_no_step() -> None:
     assert_gentle(robot)
 
 
-def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None:
+def test_null_space_motion_without_end_is_brought_to_rest_and_reported_until_the_next() -> None:
     period = 0.01  # [s]
     model = RobotModel.named('gen3')
     law = make_law('minimum_torque')
     loop = CommandLoop(Controller(model, law, period, limits=JOINT_LIMITS))
     q = np.array(model.arm.start) + 0.3 * np.random.default_rng(1).normal(size=model.n)
-    for cycle in range(1, 800):
+    for cycle in range(1, 810):
+        if cycle == 800:
+            assert loop.mode is Mode.HOLDING
+            assert 'null-space motion' in loop.error
         stamp = EPOCH + cycle * round(1e9 * period)
         response = loop.step(stamp, q, cycle * period)
         assert response is not None
         q = response.command.q_ref
-        dx = np.array((0.0, 0.05 if cycle < 50 else 0.0, 0.0))  # [m/s]
+        dx = np.array((0.0, 0.0 if 50 <= cycle < 800 else 0.05, 0.0))  # [m/s]
         loop.enter_velocity(stamp, dx, cycle * period)
-    assert loop.mode is Mode.HOLDING
-    assert 'null-space motion' in loop.error
+    assert loop.mode is Mode.MOVING
+    assert loop.error == ''
 
 
 # --- task velocities that are not as they should be -----------------------------------------------

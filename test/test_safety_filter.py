@@ -50,6 +50,7 @@ def test_a_step_becomes_a_motion_within_the_acceleration_that_names_the_joint(st
     change = np.abs(admitted.dq - only(0.5))
     assert (change <= A * T * (1.0 + 1e-9)).all()
     assert arm.filter.reason.startswith(MODEL.joint_names[JOINT])
+    assert f'{step / T:.4g} rad/s, {(step / T - 0.5) / T:.4g} rad/s^2' in arm.filter.reason
     assert arm.filter.count == 1
 
 

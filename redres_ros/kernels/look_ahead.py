@@ -540,10 +540,7 @@ def plan_motion(
     _place(q.copy(), chain, np.empty((0, n)), x, np.empty((3, 3)))
     first = np.empty(3)
     _sample(times, positions, 0.0, first)
-    square = 0.0
-    for i in range(3):
-        square += (first[i] - x[i]) ** 2
-    if not square <= _LONGEST * _LONGEST:
+    if not ((first - x) ** 2).sum() <= _LONGEST * _LONGEST:
         return -1.0, 0.0
     m = 6 if len(rotations) else 3
     path = np.empty((K, 3)), np.empty((K, 3, 3))
@@ -598,11 +595,10 @@ def improve_motion(
     path = X, turned
     problem = T, T, 0.0, lower, upper
     v = np.zeros(n)
-    w = _width(n)
-    A = np.empty((K, m, w))
-    e = np.empty((K, m))
     L = np.empty((K, n, n))
-    Y = np.empty((K, n, w))
+    Y = np.empty((K, n, _width(n)))
+    A = np.empty((K, m, Y.shape[2]))
+    e = np.empty((K, m))
     W = np.empty((n, n))
     b = np.empty(n)
     other = np.empty((K, n))

@@ -47,22 +47,26 @@ def multiply(factor: float, x: np.ndarray) -> None:
 
 
 @direct
-@compiled((vector(), vector(), float64, _VECTOR))
-def differentiate(x: np.ndarray, x_prev: np.ndarray, T: float, dx: np.ndarray) -> None:
-    """Write (x - x_prev) / T, as of Eq. (13), into dx."""
-    for i in range(len(x)):
-        dx[i] = (x[i] - x_prev[i]) / T
+@compiled(float64(vector(), float64, _VECTOR, _VECTOR, vector(), _VECTOR, boolean))
+def integrate(
+    dq: np.ndarray,
+    T: float,
+    q: np.ndarray,
+    ddq: np.ndarray,
+    q_ref: np.ndarray,
+    dq_ref: np.ndarray,
+    is_measured: bool,
+) -> float:
+    """Add T dq to q (footnote 1), and make ddq = dq_prev (dq - dq_prev) / T; the speed |dq|.
 
-
-@direct
-@compiled(float64(vector(), float64, _VECTOR, _VECTOR))
-def integrate(dq: np.ndarray, T: float, q: np.ndarray, ddq: np.ndarray) -> float:
-    """Add T dq to q (footnote 1), and make ddq = dq_prev (dq - dq_prev) / T; the speed |dq|."""
+    dq_ref becomes the velocity from the last q_ref, which is dq unless q was measured.
+    """
     square = 0.0
     for i in range(len(q)):
         q[i] += T * dq[i]
         ddq[i] = (dq[i] - ddq[i]) / T
         square += dq[i] * dq[i]
+        dq_ref[i] = (q[i] - q_ref[i]) / T if is_measured else dq[i]
     return np.sqrt(square)
 
 

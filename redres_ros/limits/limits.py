@@ -178,7 +178,7 @@ class Limits:
         )
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
-            if any(self.yielding):
+            if self.yielding != (0.0, 0.0, 0.0):  # any() takes twice as long
                 self.yielding = self.yielding.after(1.0, 1.0, T)
             return None
         bounds = self._bounds(state, T)
