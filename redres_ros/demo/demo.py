@@ -94,7 +94,7 @@ class Demo:
         """The nodes and the page while the block runs.
 
         The sim ends first of the nodes: to be left alone by the controller would be a fault of its
-        connection.
+        connection. The others end at once, before they miss its states.
         """
         try:
             parameters = self._node_parameters()
@@ -108,6 +108,8 @@ class Demo:
             with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
                 if self._page:
                     self._page.end()
+                for node in self._nodes:
+                    node.interrupt()
                 for node in self._nodes:
                     node.end()
 

@@ -67,10 +67,14 @@ class NodeProcess:
         """Its exit status, once it has ended. Raises subprocess.TimeoutExpired."""
         return self._process.wait(timeout)
 
-    def end(self) -> None:
-        """Ask it to end, as Ctrl-C would, and kill it if it does not."""
+    def interrupt(self) -> None:
+        """Ask it to end, as Ctrl-C would."""
         if self.status() is None:
             self._process.send_signal(signal.SIGINT)
+
+    def end(self) -> None:
+        """Ask it to end, and kill it if it does not."""
+        self.interrupt()
         try:
             self.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
