@@ -222,6 +222,19 @@ def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
         assert planner.time_left(0.0) == pytest.approx(15.0 / 8.0 * size / 0.2)
 
 
+def test_a_target_that_is_reached_and_repeated_in_a_stream_stays_finished() -> None:
+    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
+    arm = Arm()
+    states = []
+    for _ in range(100):
+        arm.run.begin(goals.target(HOME + np.array((0.0, 0.02, 0.0)), np.eye(3)))
+        states.append(arm.run.state)
+        arm.go(8)
+        states.append(arm.run.state)
+    assert TaskState.FINISHED in states
+    assert set(states[states.index(TaskState.FINISHED) :]) == {TaskState.FINISHED}
+
+
 @pytest.mark.parametrize(
     ('times', 'size', 'words'),
     [

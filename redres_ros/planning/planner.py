@@ -296,9 +296,11 @@ class TargetFollower:
         points = np.stack((self._x, x))
         [distance] = _lengths(points, turns)
         time = max(PEAK_SPEED * distance / self._speed, _SHORTEST)
-        begin = 0.0 if self._is_there and np.linalg.norm(self._dx) < _STILL else -time
+        rests = self._is_there and bool(np.linalg.norm(self._dx) < _STILL)
+        begin = 0.0 if rests else -time
         times = np.array((begin, begin + time))
         self.set_path(Preview(times, points, np.array(turns) if turns else None))
+        self._is_there = rests
 
     def set_path(self, path: Preview) -> None:
         """Pass poses, each at its time from now on. Before the first one the old path goes on, and
@@ -321,6 +323,7 @@ class TargetFollower:
             positions = positions + (path.positions[0] - x)
             if R is not None:
                 rotations = rotation_matrix(rotation_error(R, new[0])) @ rotations
+        self._is_there = False
         x_all = np.concatenate((positions, path.positions))
         R_all = np.concatenate((rotations, new))
         self._lead(_Path(np.append(old.times[stay], times), x_all, R_all))
@@ -338,16 +341,23 @@ class TargetFollower:
         self._advance(t)
         error = self._x - x
         dx = rate * self._dx[:3] + self._feedback(error)  # Eq. (37)
-        end = self._path
-        is_there = t >= end.times[-1] and _is_short(end.positions[-1] - x, self._task.tolerance)
         turn_left = None
         if R is not None and self._R is not None:
             turn_left = rotation_error(R, self._R)
             dx = np.concatenate((dx, rate * self._dx[3:] + self._feedback(turn_left)))
-            turn = rotation_error(R, end.rotations[-1])
-            is_there = is_there and _is_short(turn, self._task.orientation_tolerance)
-        self._is_there = is_there
-        return Reference(dx, self._x, error, 1, is_there, self._R, turn_left)
+        self._is_there = self.is_reached(x, R)
+        return Reference(dx, self._x, error, 1, self._is_there, self._R, turn_left)
+
+    def is_reached(self, x: Position, R: Rotation | None) -> bool:
+        """Whether a tip is at the end of the path, and its time over; a target that is set beside a
+        tip at rest need not take its time.
+        """
+        end = self._path
+        is_over = self._is_there or self._t >= end.times[-1]
+        is_there = is_over and _is_short(end.positions[-1] - x, self._task.tolerance)
+        if not is_there or R is None or self._R is None:
+            return is_there
+        return _is_short(rotation_error(R, end.rotations[-1]), self._task.orientation_tolerance)
 
     def preview(self, t: Seconds, seconds: Seconds, rate: float = 1.0) -> Preview:
         """As of Planner, by the motion of a copy."""

@@ -317,9 +317,11 @@ class TaskExecutor:
         is_moving = self.state is TaskState.MOVING or is_held
         if not is_moving or source is None or isinstance(source, JointPath):
             return False
-        execution.source = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
+        follower = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
+        execution.source = follower
         execution.goal = goal
-        self.state = TaskState.MOVING
+        is_reached = follower.is_reached(arm.x, arm.R if self._turns else None)
+        self.state = TaskState.FINISHED if is_reached else TaskState.MOVING
         self.monitor.begin()
         return True
 
