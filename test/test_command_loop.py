@@ -526,6 +526,20 @@ def test_a_controller_activated_again_in_motion_makes_no_step() -> None:
     assert_gentle(robot)
 
 
+def test_velocities_that_a_limit_scales_to_nothing_are_reported_with_it() -> None:
+    robot = limited()
+    robot.q = RobotModel.named('lwr4_paper').q_max - 0.1
+    dq = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.8))
+    for _ in range(round(6.0 / T)):
+        robot.ask()
+        robot.take(robot.following.enter_velocity(0, dq, robot.now, of_joints=True))
+    assert 'no progress for 5 s: lwr_a6_joint: position' in robot.following.warning
+    for _ in range(round(0.2 / T)):
+        robot.ask()
+        robot.take(robot.following.enter_velocity(0, -dq, robot.now, of_joints=True))
+    assert robot.following.warning == ''
+
+
 def test_null_space_motion_without_end_is_brought_to_rest_and_reported_until_the_next() -> None:
     period = 0.01  # [s]
     model = RobotModel.named('gen3')

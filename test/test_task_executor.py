@@ -9,10 +9,10 @@ from redres_ros import Preview, RobotModel, load_task
 from redres_ros.errors import RedresError
 from redres_ros.geometry import rotation_matrix
 from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.loop.safety import ProgressMonitor
 from redres_ros.planning.goals import Goal, Goals, GoalSettings
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner, Reference
-from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 
 T = 0.002  # [s]
@@ -196,7 +196,7 @@ def test_a_scaling_of_zero_for_a_moment_is_no_interruption() -> None:
 def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
     arm = under_way()
     arm.run.mode = 'moving'
-    arm.run.monitor.active_limits = 'lwr_a1_joint: position'
+    arm.run.monitor.active_limits = lambda: 'lwr_a1_joint: position'
     arm.go(round(6.0 / T), 0.0)
     assert arm.run.state is TaskState.MOVING
     assert 'no progress for 5 s: lwr_a1_joint: position' in arm.run.remark
@@ -233,6 +233,21 @@ def test_a_target_that_is_reached_and_repeated_in_a_stream_stays_finished() -> N
         states.append(arm.run.state)
     assert TaskState.FINISHED in states
     assert set(states[states.index(TaskState.FINISHED) :]) == {TaskState.FINISHED}
+
+
+def test_a_stream_of_targets_to_an_arm_at_a_limit_is_reported_as_without_progress() -> None:
+    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
+    arm = Arm()
+    arm.run.mode = 'moving'
+    remarks = set()
+    for k in range(800):
+        y = 0.15 + 0.02 * np.sin(0.1 * k)
+        arm.run.begin(goals.target(HOME + np.array((0.0, y, 0.0)), np.eye(3)))
+        arm.run.monitor.active_limits = lambda: 'lwr_a1_joint: position'
+        arm.go(8, float(k < 50 or k > 700))
+        remarks.add(arm.run.remark.partition(';')[0])
+    assert remarks == {'', 'no progress for 5 s: lwr_a1_joint: position'}
+    assert arm.run.remark == ''
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.holding import ARRIVED, NOTHING, HeldReference, PoseHold, approach_velocity
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
-from redres_ros.loop.safety import LAG_TIME, FaultMonitor, SafetyFilter
+from redres_ros.loop.safety import LAG_TIME, FaultMonitor, ProgressMonitor, SafetyFilter
 from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
 from redres_ros.preview import Preview
 from redres_ros.types import (
@@ -37,6 +37,7 @@ _ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # that comes so shortly after a response was sent was published before that arrived.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
 _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
+_LITTLE = 'hardly anything of the velocity is executed'
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
 
 
@@ -87,6 +88,8 @@ class CommandLoop:
         self.measurements = Measurements(controller, contact, self._cycles)
         self.faults = FaultMonitor(controller)
         self.safety_filter = SafetyFilter(controller)
+        self._progress = ProgressMonitor()
+        self._executed = 0.0  # of the velocity, in seconds at its full speed
         self._pose_hold = PoseHold(controller)
         self._held_reference = HeldReference(controller)
         self.mode = Mode.HOLDING
@@ -136,7 +139,7 @@ class CommandLoop:
         """The irregularity at the last state; empty if there was none."""
         if self.safety_filter.reason:
             return f'the safety filter acts: {self.safety_filter.reason}'
-        return self._silence or self.measurements.problem
+        return self._silence or self.measurements.problem or self._progress.remark
 
     def hold(self, held: bool) -> None:
         """Decelerate to rest and hold, or resume, which clears a fault."""
@@ -435,6 +438,7 @@ class CommandLoop:
     def _begin_mode(self, state: _State, before: Mode) -> None:
         controller = self._controller
         self.faults.begin()
+        self._progress.begin()
         self._end_approach()
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
@@ -506,6 +510,12 @@ class CommandLoop:
         plan = controller.plan(q, along, missed, correction, ahead)
         self._before = plan.base
         command = controller.commit(self.safety_filter.admit(plan))
+        asked = along.dot(along)
+        if asked > _ROUNDING**2:
+            fraction = max(along.dot(command.J.dot(command.dq)) / asked, 0.0)
+            self._executed += controller.T * fraction
+            self._progress.active_limits = command.active_limit or str
+            self._progress.enter(controller.T, 0, -self._executed, 0.0, _LITTLE)
         if is_yielding:
             measurements.contact.record(command, dx)
         end = self._approach

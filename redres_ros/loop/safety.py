@@ -1,5 +1,5 @@
-"""What keeps an arm safe: faults that stop it, and when it may resume; and the safety filter, the
-last check of a reference before it is published.
+"""What keeps an arm safe: faults that stop it, and when it may resume; motion without progress; and
+the safety filter, the last check of a reference before it is published.
 
 Limits on dq do not bound what the robot gets: missed cycles, restarts, measurements and wrapped
 angles all act on the reference. With p where the robot is by now and v its velocity
@@ -11,6 +11,7 @@ angles all act on the reference. With p where the robot is by now and v its velo
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from redres_ros.command import Published
 from redres_ros.controller import Controller, Plan
 from redres_ros.kernels.boxes import admit
 from redres_ros.kernels.tick import add_excess, largest, widen
-from redres_ros.types import Cycles, JointPositions
+from redres_ros.types import Cycles, JointPositions, Seconds
 
 LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DELAY = 0.03  # [s] of dead time that is allowed for
@@ -35,6 +36,8 @@ _AWAY_DECAY = 0.1  # of these for each good one
 _PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
 _SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
 _SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
+_STEP = 0.05  # [s] of the path's time that count as progress
+_FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
 
 
 class FaultMonitor:
@@ -174,6 +177,58 @@ class FaultMonitor:
             f'held where a limit does not allow it ({active() if active else ""}): a task '
             'velocity moves it back within its limits, or change that limit'
         )
+
+
+class ProgressMonitor:
+    """Counts the time without progress, `idle`.
+
+    While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
+    error that becomes smaller. The remark says why there is none; it is empty until stuck_after.
+    """
+
+    stuck_after = 5.0  # [s]
+    give_up_after = 30.0  # [s]
+
+    def __init__(self) -> None:
+        self._t = 0.0  # of the path, at the last progress or beginning
+        self.begin()
+
+    def begin(self) -> None:
+        self.remark = ''
+        self.idle: Seconds = 0.0
+        self._segment = -1
+        self._left = 0.0
+        self._error = 0.0
+        self.active_limits: Callable[[], str] = str  # that acted last, in words
+
+    def redirect(self, t: Seconds) -> None:
+        """Begin anew at a time t of the path, which leads elsewhere now, if that goes on."""
+        if abs(t - self._t) > _STEP:
+            self._t = t
+            self.begin()
+
+    def enter(
+        self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
+    ) -> bool:
+        """Enter the seconds since the last call and where the motion is: what is left of the
+        segment's time, and how far its end is, in any unit and in words. Whether it is given up.
+        """
+        goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
+        comes_nearer = left <= 0.0 and error < _FRACTION * self._error
+        if segment != self._segment or goes_on or comes_nearer:
+            self.begin()
+            self._segment = segment
+            self._left = left
+            self._error = error
+        else:
+            self.idle += seconds
+        is_hopeless = self.idle >= self.give_up_after
+        limit = self.give_up_after if is_hopeless else self.stuck_after
+        remark = f'no progress for {limit:g} s: '
+        if self.idle >= limit and not self.remark.startswith(remark):
+            where = f'{left:.3g} s of its time are left' if left > 0.0 else distance
+            self.remark = remark + '; '.join(filter(None, (self.active_limits(), where)))
+        return is_hopeless
 
 
 class SafetyFilter:

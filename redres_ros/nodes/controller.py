@@ -298,7 +298,7 @@ class ControllerNode(ManagedNode):
         error = self._error
         if error:
             self._report()
-        warning = loop.measurements.problem or self._policy.problem
+        warning = loop.warning or self._policy.problem
         if loop.mode is Mode.MIRRORING:
             warning = 'mirroring: the robot takes no commands'
         return Health(values, loop.mode.value, warning, error)

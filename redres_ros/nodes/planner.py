@@ -185,7 +185,7 @@ class PlannerNode(ManagedNode):
 
     def _on_limits(self, message: String) -> None:
         if message.data:
-            self._run.monitor.active_limits = one_line(message.data)
+            self._run.monitor.active_limits = partial(one_line, message.data)
 
     def _on_stop_reason(self, message: String) -> None:
         self._run.set_stop_reason(one_line(message.data))

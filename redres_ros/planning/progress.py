@@ -1,4 +1,4 @@
-"""Detects a motion without progress, and the velocity that a singularity blocks."""
+"""The velocity that a singularity blocks."""
 
 import numpy as np
 
@@ -9,54 +9,7 @@ from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import make_task
 from redres_ros.types import JointPositions, Seconds, TaskVelocity
 
-_STEP = 0.05  # [s] of the segment's time that count as progress
-_FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
 _AT_REST = 0.5  # [s] without progress, after which an arm at the end of its reach has come to rest
-
-
-class ProgressMonitor:
-    """Counts the time without progress, `idle`.
-
-    While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
-    error that becomes smaller. The remark says why there is none; it is empty until stuck_after.
-    """
-
-    stuck_after = 5.0  # [s]
-    give_up_after = 30.0  # [s]
-
-    def __init__(self) -> None:
-        self.begin()
-
-    def begin(self) -> None:
-        self.remark = ''
-        self.idle: Seconds = 0.0
-        self._segment = -1
-        self._left = 0.0
-        self._error = 0.0
-        self.active_limits = ''  # that acted last, in words
-
-    def enter(
-        self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''
-    ) -> bool:
-        """Enter the seconds since the last call and where the motion is: what is left of the
-        segment's time, and how far its end is, in any unit and in words. Whether it is given up.
-        """
-        goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
-        comes_nearer = left <= 0.0 and error < _FRACTION * self._error
-        if segment != self._segment or goes_on or comes_nearer:
-            self.begin()
-            self._segment = segment
-            self._left = left
-            self._error = error
-        else:
-            self.idle += seconds
-        is_hopeless = self.idle >= self.give_up_after
-        if is_hopeless or (self.idle >= self.stuck_after and not self.remark):
-            limit = self.give_up_after if is_hopeless else self.stuck_after
-            where = f'{left:.3g} s of its time are left' if left > 0.0 else distance
-            reasons = '; '.join(filter(None, (self.active_limits, where)))
-            self.remark = f'no progress for {limit:g} s: {reasons}'
-        return is_hopeless
 
 
 class UnachievedVelocity:

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
+from redres_ros.loop.safety import ProgressMonitor
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath, JointReference
 from redres_ros.planning.planner import Planner, Reference, TargetFollower
-from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
+from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.preview import Preview
 from redres_ros.types import (
@@ -322,7 +323,7 @@ class TaskExecutor:
         execution.goal = goal
         is_reached = follower.is_reached(arm.x, arm.R if self._turns else None)
         self.state = TaskState.FINISHED if is_reached else TaskState.MOVING
-        self.monitor.begin()
+        self.monitor.redirect(self.clock.t)
         return True
 
     def _end_after(self, silence: Seconds) -> None:
