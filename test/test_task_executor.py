@@ -170,6 +170,16 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
     assert arm.run.state is TaskState.FINISHED
 
 
+def test_a_task_does_not_wait_for_a_controller_that_was_killed_while_it_held() -> None:
+    arm = under_way(replace(THE_TASK, patience=2.0))
+    arm.run.mode = 'holding'
+    arm.go(1500, 0.0)
+    assert arm.run.state is TaskState.WAITING
+    arm.go(1500, None)
+    assert arm.run.state is TaskState.IDLE
+    assert 'the controller is silent' in arm.run.remark
+
+
 def test_an_arm_that_is_elsewhere_after_a_stop_begins_anew() -> None:
     arm = under_way()
     arm.go(200, 0.0)

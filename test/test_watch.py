@@ -73,11 +73,14 @@ def test_a_report_counts_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> N
     with graph(lambda: GraphMonitor('test')) as (node, _):
         status = DiagnosticStatus(name='planner', message='moving', level=DiagnosticStatus.OK)
         node._on_diagnostics(DiagnosticArray(status=[status]))
+        node.keep('planner/state', 'moving')
         assert node.health()['sim'] == NodeHealth('no message', None)
         assert node.health()['planner'] == NodeHealth('moving', True)
+        assert node.word('planner/state') == 'moving'
         later = node._reports['planner'][1] + 6.0
         monkeypatch.setattr(monitor, 'time', SimpleNamespace(monotonic=lambda: later))
         assert node.health()['planner'] == NodeHealth('silent for 6 s', None)
+        assert node.word('planner/state') == ''
 
 
 WATCH = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain']

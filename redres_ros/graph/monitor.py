@@ -121,8 +121,18 @@ class GraphMonitor(Node):
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
 
     def word(self, topic: str) -> str:
-        """The newest text of a topic; empty before there is one."""
-        return str(self.values.get(topic, ''))
+        """The newest text of a topic; empty before there is one, or if its node is silent."""
+        return str(self.live_values().get(topic, ''))
+
+    def live_values(self) -> dict[str, Any]:
+        """The newest values by topic, without those of nodes that are silent by now: what a node
+        has latched outlives it.
+        """
+        now = time.monotonic()
+        silent = tuple(f'{node}/' for node, (_, at) in self._reports.items() if now - at >= _STALE)
+        return {
+            topic: value for topic, value in self.values.items() if not topic.startswith(silent)
+        }
 
     def health(self) -> dict[str, NodeHealth]:
         """The last report of each node, or for how long it has been silent."""

@@ -87,7 +87,7 @@ class Watch(GraphMonitor):
                 shows(self._page())
 
     def _page(self) -> RenderableType:
-        return _page(dict(self.values), self.health(), self.context.get_domain_id())
+        return _page(self.live_values(), self.health(), self.context.get_domain_id())
 
     def _look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""

@@ -292,6 +292,8 @@ class PlannerNode(ManagedNode):
         return True
 
     def _health(self) -> Health:
+        if self._run.stop_reason and not self.count_publishers(topics.REASON):
+            self._run.set_stop_reason('')  # of a robot that has gone
         values = {
             'task': self._settings.task or 'that of the arm',
             'state': self._run.state.value,

@@ -27,6 +27,7 @@ from redres_ros.types import (
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
 _SET_BACK = 1.0  # [s] by which a robot's clock may be set back in motion
 _HOLDING = 'holding'  # modes of the controller
+_INACTIVE = 'inactive'
 _MOVING = 'moving'
 
 
@@ -191,6 +192,12 @@ class TaskExecutor:
         return self._tip_source.progress(self.clock.t) if self._tip_source else 0.0
 
     @property
+    def _live_mode(self) -> str:
+        """Of a controller that is there: the last mode of one that was killed stays latched."""
+        is_live = self.clock.is_receiving or self.mode in ('', _INACTIVE)  # that one is silent
+        return self.mode if is_live else 'silent'
+
+    @property
     def _tip_source(self) -> Planner | TargetFollower | None:
         """What leads the tip, if that is under way."""
         source = self._execution.source if self._execution else None
@@ -216,7 +223,7 @@ class TaskExecutor:
             return None
         is_under_way = self.state in (TaskState.HOMING, TaskState.MOVING)
         # At a limit the controller follows at no speed.
-        is_at_limit = is_under_way and self.mode == _MOVING and self.clock.is_receiving
+        is_at_limit = is_under_way and self._live_mode == _MOVING
         if self.clock.follows or is_at_limit:
             if self.state is TaskState.WAITING:
                 return self._set_off(execution, arm)
@@ -299,12 +306,14 @@ class TaskExecutor:
         goal = execution.goal
         if execution.has_begun and not goal.goes_on:
             return 'the motion was interrupted'
-        pauses = execution.has_begun and self.mode in ('', _HOLDING) and not self.stop_reason
-        if pauses or goal.patience is None or execution.waited <= goal.patience:
+        mode = self._live_mode
+        pauses = execution.has_begun and mode in ('', _HOLDING) and not self.stop_reason
+        if pauses:
+            execution.waited = 0.0
+        if goal.patience is None or execution.waited <= goal.patience:
             return ''
-        mode = self.mode or 'not there'
         silence = f'has not followed for {goal.patience:g} s (resume_within)'
-        return f'the controller is {mode}, and {silence}'
+        return f'the controller is {mode or "not there"}, and {silence}'
 
     def _redirect(self, goal: Goal) -> bool:
         """MOVING, FINISHED: lead the tip to the target of a goal; whether that could be done."""
