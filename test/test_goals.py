@@ -16,6 +16,7 @@ from nightly import NIGHTLY
 from reference_judge import judge_graph
 from std_msgs.msg import String
 from virtual_graph import VirtualRun, virtual_run
+from wire_faults import changed
 
 from redres_ros import Preview, RobotModel
 from redres_ros.geometry import rotation_matrix
@@ -165,6 +166,8 @@ def stop_and_reset(run: VirtualRun) -> None:
 
 def hold(run: VirtualRun) -> None:
     del run.graph.faults['controller/mode', 'planner']
+    nothing = changed(lambda message: setattr(message, 'data', 0.0))
+    run.graph.faults['controller/task_scaling', 'planner'] = nothing
     run.graph.publish('controller/mode', String(data='holding'), latched=True)
     run.run(2.1)
 
