@@ -1,5 +1,6 @@
 """The executables. Each loads its nodes in here: help needs no ROS, and Ctrl-C ends it quietly."""
 
+import gc
 import sys
 from functools import partial
 from itertools import takewhile
@@ -21,8 +22,7 @@ _NODES = {  # in modules of this package
 def run_node(name: str, arguments: list[str] | None = None) -> int:
     """Run an executable until it ends. Without arguments it gets those of this process.
 
-    Returns the exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C
-    before the nodes began.
+    Returns 0, 1 after an error, 2 for a wrong command line, 130 after Ctrl-C before nodes began.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     nodes = [f'redres_ros.nodes.{node}' for node in _NODES[name]]
@@ -37,6 +37,7 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
             remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
             print(f'redres_{name}: got {own[0]!r}; {remedy}', file=sys.stderr)
             return 2
+        gc.disable()  # until the nodes have been loaded
         from redres_ros.nodes.runtime import run_nodes
 
         return run_nodes(*map(resolve_name, nodes), arguments=arguments)
