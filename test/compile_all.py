@@ -1,6 +1,4 @@
-"""Has all formulas compiled. As a script, those of the package that is installed, which may be
-another copy than that beside this folder.
-"""
+"""Has all formulas compiled; as a script, those of the package that is installed."""
 
 import filecmp
 import os
