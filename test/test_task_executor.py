@@ -19,6 +19,7 @@ T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 TASK = load_task('rectangle')
 HOME = TASK.waypoints[0]
+GOALS = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
 THE_TASK = Goal(make_planner=lambda x, R: Planner(TASK, x), goes_on=True, patience=None)
 
 
@@ -173,10 +174,9 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
 def test_a_task_does_not_wait_for_a_controller_that_was_killed_while_it_held() -> None:
     arm = under_way(replace(THE_TASK, patience=2.0))
     arm.run.mode = 'holding'
-    arm.go(1500, 0.0)
-    assert arm.run.state is TaskState.WAITING
-    arm.go(1500, None)
-    assert arm.run.state is TaskState.IDLE
+    for scaling, state in ((0.0, TaskState.WAITING), (None, TaskState.IDLE)):
+        arm.go(1500, scaling)
+        assert arm.run.state is state
     assert 'the controller is silent' in arm.run.remark
 
 
@@ -233,30 +233,25 @@ def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
 
 
 def test_a_target_that_is_reached_and_repeated_in_a_stream_stays_finished() -> None:
-    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
     arm = Arm()
     states = []
     for _ in range(100):
-        arm.run.begin(goals.target(HOME + np.array((0.0, 0.02, 0.0)), np.eye(3)))
+        arm.run.begin(GOALS.target(HOME + np.array((0.0, 0.02, 0.0)), np.eye(3)))
         states.append(arm.run.state)
         arm.go(8)
-        states.append(arm.run.state)
-    assert TaskState.FINISHED in states
     assert set(states[states.index(TaskState.FINISHED) :]) == {TaskState.FINISHED}
 
 
 def test_a_stream_of_targets_to_an_arm_at_a_limit_is_reported_as_without_progress() -> None:
-    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
     arm = Arm()
     arm.run.mode = 'moving'
-    remarks = set()
-    for k in range(800):
-        y = 0.15 + 0.02 * np.sin(0.1 * k)
-        arm.run.begin(goals.target(HOME + np.array((0.0, y, 0.0)), np.eye(3)))
-        arm.run.monitor.active_limits = lambda: 'lwr_a1_joint: position'
-        arm.go(8, float(k < 50 or k > 700))
-        remarks.add(arm.run.remark.partition(';')[0])
-    assert remarks == {'', 'no progress for 5 s: lwr_a1_joint: position'}
+    for cycles, executed, remark in ((1, 1.0, ''), (400, 0.0, 'for 5 s: lwr'), (50, 1.0, '')):
+        for k in range(cycles):
+            y = 0.15 + 0.02 * np.sin(0.1 * k)
+            arm.run.begin(GOALS.target(HOME + np.array((0.0, y, 0.0)), np.eye(3)))
+            arm.run.monitor.active_limits = lambda: 'lwr_a1_joint: position'
+            arm.go(8, executed)
+        assert remark in arm.run.remark
     assert arm.run.remark == ''
 
 
@@ -270,9 +265,8 @@ def test_a_stream_of_targets_to_an_arm_at_a_limit_is_reported_as_without_progres
     ],
 )
 def test_a_path_of_another_time_or_out_of_reach_or_too_fast_is_refused(times, size, words) -> None:
-    goals = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
     with pytest.raises(RedresError, match=words):
-        goals.path(
+        GOALS.path(
             Preview(times, np.stack((HOME, HOME + np.array((0.0, 0.0, size))))), Arm().run.cycles
         )
 

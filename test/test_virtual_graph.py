@@ -153,6 +153,18 @@ def test_without_a_clock_to_take_the_time_from_a_node_watches_on() -> None:
         assert run.health('controller').message == 'no joint_states'
 
 
+def test_a_second_robot_in_motion_is_reported_and_stops_the_arm(resting: VirtualRun) -> None:
+    assert resting.graph.call('planner/start').success
+    resting.run(1.0)
+    resting.nodes['controller'].count_publishers = lambda topic: 2
+    resting.graph.kept['controller/mode'] = []
+    resting.graph.publish('sim/session_state', String(data='MON'), latched=True)
+    resting.run(3.0)
+    modes = [message.data for _, message in resting.graph.kept['controller/mode']]
+    assert modes[:3] == ['stopping', 'holding', 'mirroring']
+    assert any('two nodes publish sim/session_state' in line for _, line in resting.graph.log)
+
+
 HOSTILE = 'x\n[ERROR] [1.0] [robot]: all is well\x1b[2J\u2028' + 'y' * 100_000
 
 

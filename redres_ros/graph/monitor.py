@@ -125,14 +125,9 @@ class GraphMonitor(Node):
         return str(self.live_values().get(topic, ''))
 
     def live_values(self) -> dict[str, Any]:
-        """The newest values by topic, without those of nodes that are silent by now: what a node
-        has latched outlives it.
-        """
-        now = time.monotonic()
-        silent = tuple(f'{node}/' for node, (_, at) in self._reports.items() if now - at >= _STALE)
-        return {
-            topic: value for topic, value in self.values.items() if not topic.startswith(silent)
-        }
+        """The newest values by topic, without what nodes have left that are silent by now."""
+        silent = tuple(f'{n}/' for n in self._reports if self.health()[n].is_well is None)
+        return {name: value for name, value in self.values.items() if not name.startswith(silent)}
 
     def health(self) -> dict[str, NodeHealth]:
         """The last report of each node, or for how long it has been silent."""

@@ -37,7 +37,6 @@ _ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # that comes so shortly after a response was sent was published before that arrived.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
 _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
-_LITTLE = 'hardly anything of the velocity is executed'
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
 
 
@@ -512,10 +511,9 @@ class CommandLoop:
         command = controller.commit(self.safety_filter.admit(plan))
         asked = along.dot(along)
         if asked > _ROUNDING**2:
-            fraction = max(along.dot(command.J.dot(command.dq)) / asked, 0.0)
-            self._executed += controller.T * fraction
+            self._executed += controller.T * max(along.dot(command.J.dot(command.dq)) / asked, 0.0)
             self._progress.active_limits = command.active_limit or str
-            self._progress.enter(controller.T, 0, -self._executed, 0.0, _LITTLE)
+            self._progress.enter(controller.T, 0, -self._executed, 0.0, 'hardly anything executed')
         if is_yielding:
             measurements.contact.record(command, dx)
         end = self._approach

@@ -27,6 +27,9 @@ _STEADY = (0.8, 1.25)  # of the period, within which an interval of one cycle ha
 # one of five is longer than this, of the mean
 _DOUBLED = 0.67
 _UNEVEN = 1.3
+# If their clocks lie 0.1 s or more apart: changes from one to the other, less one for each second
+_CHANGES = 10.0
+_TWO_NODES = 'two nodes publish the joints of this arm: ros2 topic info -v joint_states names them'
 
 
 class ClockError(RedresError):
@@ -70,6 +73,7 @@ class CycleCounter:
         self._apart = 0  # stamp of a state that may be of another clock [ns]
         self._numbers: dict[int, int] = {}  # cycles by stamp, of the last states
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
+        self._changes = 0.0
         self.rate_error = ''
         self._set(0, 0.0)
 
@@ -93,7 +97,10 @@ class CycleCounter:
         self._unjudged.append(stamp)
         if len(self._unjudged) > _INTERVALS and abs(stamp - self._unjudged[0]) >= _JUDGED:
             self._judge_rate()
+        if self._changes >= _CHANGES:
+            self.rate_error = _TWO_NODES
         if self.newest and 0 < stamp - self.newest <= _NEW_CLOCK:
+            self._changes = max(self._changes - (stamp - self.newest) / NANOSECONDS, 0.0)
             cycles = self._count(stamp, arrived)
         else:
             cycles = self._step(stamp, arrived)
@@ -137,6 +144,8 @@ class CycleCounter:
         cycle without a state: a single one came too late, or from a recording that is played.
         """
         step = stamp - self.newest
+        if abs(step) > _NEW_CLOCK // 10:
+            self._changes = min(self._changes + 1.0, _CHANGES + 1.0)
         is_second = 0 < stamp - self._apart < 2 * self.period
         if self.newest and not is_second and arrived - self.arrived <= _SILENCE:
             self._apart = stamp
@@ -157,10 +166,7 @@ class CycleCounter:
         usual = max(short, min(intervals[len(intervals) // 2], self.period))
         self.rate_error = ''
         if are_of_two(self._unjudged, self.period):
-            self.rate_error = (
-                'two nodes publish the joints of this arm on joint_states; only one may '
-                '(ros2 topic info -v joint_states)'
-            )
+            self.rate_error = _TWO_NODES
         elif usual and not _STEADY[0] <= usual / self.period <= _STEADY[1]:
             self.rate_error = (
                 f'states come at {NANOSECONDS / usual:.4g} Hz; expected '

@@ -122,6 +122,7 @@ class ControllerNode(ManagedNode):
             self._forwarding = Forwarding(self, model.joint_names)
         self._words = LatchedWords(self, topics.MODE)
         self._reported_error = ''
+        self._session: String | None = None  # of the robot, to be entered at rest
         self._telemetry = MotionTelemetry(self, frame, T)
         rate = None if loop_settings.lockstep else settings.rate
         self._diagnostics = Diagnostics(self, robot, self._health, rate)
@@ -237,7 +238,14 @@ class ControllerNode(ManagedNode):
         return (self._forwarding.error if self._forwarding else '') or self._loop.error
 
     def _on_session(self, message: String) -> None:
-        self._loop.enter_session(message.data)
+        """Another robot that joins must not make an arm in motion mirror; it stops first."""
+        moves = self._loop.mode in MOVING_MODES and not self._diagnostics.silent
+        is_of_another = moves and self.count_publishers(topics.SESSION) > 1
+        self._session = message if is_of_another else None
+        if is_of_another:
+            self._loop.faults.set(f'two nodes publish {topics.SESSION}; only one may')
+        else:
+            self._loop.enter_session(message.data)
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._loop.hold(request.data)
@@ -280,6 +288,8 @@ class ControllerNode(ManagedNode):
     def _health(self) -> Health:
         law = self._controller.law
         loop = self._loop
+        if self._session and loop.mode not in MOVING_MODES:
+            self._on_session(self._session)
         values = {
             'mode': loop.mode.value,
             'law': law_name(law),

@@ -31,9 +31,8 @@ QUALITY = 'sim/connection_quality'
 MODE = 'controller/mode'
 TASK_STATE = 'planner/state'
 TASK_BEGUN = 'planner/begun'
-# The path to come
+# Others.
 PREVIEW = 'planner/preview'
-# Telemetry.
 ACTIVE_LIMITS = 'controller/active_limits'
 PROGRESS = 'planner/progress'
 

@@ -297,8 +297,7 @@ class TargetFollower:
         [distance] = _lengths(points, turns)
         time = max(PEAK_SPEED * distance / self._speed, _SHORTEST)
         rests = self._is_there and bool(np.linalg.norm(self._dx) < _STILL)
-        begin = 0.0 if rests else -time
-        times = np.array((begin, begin + time))
+        times = np.array((0.0, time)) if rests else np.array((-time, 0.0))
         self.set_path(Preview(times, points, np.array(turns) if turns else None))
         self._is_there = rests
 
@@ -349,9 +348,7 @@ class TargetFollower:
         return Reference(dx, self._x, error, 1, self._is_there, self._R, turn_left)
 
     def is_reached(self, x: Position, R: Rotation | None) -> bool:
-        """Whether a tip is at the end of the path, and its time over; a target that is set beside a
-        tip at rest need not take its time.
-        """
+        """Whether a tip is at the end of a path whose time is over, or was there already."""
         end = self._path
         is_over = self._is_there or self._t >= end.times[-1]
         is_there = is_over and _is_short(end.positions[-1] - x, self._task.tolerance)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
+from redres_ros.loop.modes import Mode
 from redres_ros.loop.safety import ProgressMonitor
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath, JointReference
@@ -26,9 +27,6 @@ from redres_ros.types import (
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
 _SET_BACK = 1.0  # [s] by which a robot's clock may be set back in motion
-_HOLDING = 'holding'  # modes of the controller
-_INACTIVE = 'inactive'
-_MOVING = 'moving'
 
 
 class TaskState(Enum):
@@ -194,8 +192,8 @@ class TaskExecutor:
     @property
     def _live_mode(self) -> str:
         """Of a controller that is there: the last mode of one that was killed stays latched."""
-        is_live = self.clock.is_receiving or self.mode in ('', _INACTIVE)  # that one is silent
-        return self.mode if is_live else 'silent'
+        speaks = self.mode not in ('', Mode.INACTIVE.value)  # in all other modes
+        return 'silent' if speaks and not self.clock.is_receiving else self.mode
 
     @property
     def _tip_source(self) -> Planner | TargetFollower | None:
@@ -223,7 +221,7 @@ class TaskExecutor:
             return None
         is_under_way = self.state in (TaskState.HOMING, TaskState.MOVING)
         # At a limit the controller follows at no speed.
-        is_at_limit = is_under_way and self._live_mode == _MOVING
+        is_at_limit = is_under_way and self._live_mode == Mode.MOVING.value
         if self.clock.follows or is_at_limit:
             if self.state is TaskState.WAITING:
                 return self._set_off(execution, arm)
@@ -307,7 +305,7 @@ class TaskExecutor:
         if execution.has_begun and not goal.goes_on:
             return 'the motion was interrupted'
         mode = self._live_mode
-        pauses = execution.has_begun and mode in ('', _HOLDING) and not self.stop_reason
+        pauses = execution.has_begun and mode in ('', Mode.HOLDING.value) and not self.stop_reason
         if pauses:
             execution.waited = 0.0
         if goal.patience is None or execution.waited <= goal.patience:
@@ -327,12 +325,11 @@ class TaskExecutor:
         is_moving = self.state is TaskState.MOVING or is_held
         if not is_moving or source is None or isinstance(source, JointPath):
             return False
-        follower = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
-        execution.source = follower
+        follower = execution.source = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
         execution.goal = goal
         is_reached = follower.is_reached(arm.x, arm.R if self._turns else None)
         self.state = TaskState.FINISHED if is_reached else TaskState.MOVING
-        self.monitor.redirect(self.clock.t)
+        self.monitor.redirect(np.inf if is_reached else self.clock.t)
         return True
 
     def _end_after(self, silence: Seconds) -> None:
