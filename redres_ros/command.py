@@ -1,6 +1,4 @@
-"""The command of a tick, its values for recordings and topics, and where a robot is in cycles
-without one.
-"""
+"""The command of a tick, its values for recordings and topics, and where a robot is without one."""
 
 import math
 from collections.abc import Callable
@@ -141,8 +139,7 @@ class RobotInterface:
             constant 'velocity' or 'acceleration'.
         lost: Commands that may get lost until three in a row have come, whose bridging at constant
             acceleration must not look like a jerk to the robot.
-        restart_after: Cycles without a state after which the controller restarts from the measured
-            position.
+        restart_after: Cycles without a state after which it restarts from the measured position.
         following_tolerance: Following error at which an arm counts as stopped.
         patience: How long its clock waits for a late command.
         forwards_commands: Commands also go to forward_position_controller/commands.

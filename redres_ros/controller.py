@@ -1,6 +1,4 @@
-"""The controller of Fig. 1: joint positions and a task velocity in, the next position reference
-out, once a cycle.
-"""
+"""The controller of Fig. 1: joint positions and a task velocity in, a position reference out."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -110,13 +108,11 @@ class Controller:
             torque_scale: Factor on its torque limits.
             limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
             preferences: They add up.
-            secondary_tasks: In order of priority below `task`. A name stands for holding the value
-                at the start of the motion.
+            secondary_tasks: By priority, below `task`. A name holds the value at the start.
             scaling: What limits scale: the 'task' velocity as a whole, which keeps its direction,
                 or its 'components', translation and rotation, for teleoperation.
 
-        Raises RedresError for a value out of its range, a name in no table, and what does not fit
-        the arm.
+        Raises RedresError for a value out of range, an unknown name, and what does not fit the arm.
         """
         check_value('T', T, SAMPLING_TIME)
         check_value('switch_time', switch_time, _SWITCH_TIME)
@@ -202,8 +198,7 @@ class Controller:
     def switch_law(self, law: str | Law) -> None:
         """Switch to another law, or to other gains; by name or as an object.
 
-        Raises UnknownNameError, and RangeError for a damping outside [0, 1/T]; the law in force
-        then stays.
+        Raises UnknownNameError, and RangeError for a damping outside [0, 1/T]; the law then stays.
         """
         self._replace('law', law=law)
 

@@ -31,9 +31,7 @@ def reason_of(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text from outside, safe for a log or a terminal: truncated, and without line ends and
-    control characters.
-    """
+    """A text from outside, safe for a log or a terminal: truncated, without control characters."""
     cut = text[:_LONGEST_LINE]
     seen = ''.join(each if each.isprintable() else ' ' for each in cut)
     return seen if len(cut) == len(text) else f'{seen} ...'

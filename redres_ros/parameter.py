@@ -68,9 +68,7 @@ def check_parameters(instance: Any) -> None:
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:
-    """Raise RangeError or UnknownNameError for a value that is not allowed; of a tuple, for every
-    member.
-    """
+    """Raise RangeError or UnknownNameError for a value, or one in a tuple, that is not allowed."""
     lower = -math.inf if parameter.lower is None else parameter.lower
     upper = math.inf if parameter.upper is None else parameter.upper
     is_text = parameter.lower is parameter.upper is None

@@ -371,8 +371,7 @@ def make_policy(
     Gains are of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
     building blocks that are not in use do nothing.
 
-    Raises RedresError for a value out of its range, a name that is in no table or given twice, and
-    what does not fit the arm.
+    Raises RedresError for a value out of range, an unknown or repeated name, and what does not fit.
     """
     policy = Policy(
         LAWS.resolve(law, gains),

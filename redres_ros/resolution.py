@@ -144,8 +144,7 @@ def resolve_one(
     fastest: float = math.inf,
     lower: Sequence[Level] = (),
 ) -> tuple[JointVelocities, bool]:
-    """As `resolve`, without the check of shapes, and also for m > n, above `lower` tasks; and
-    whether a direction was damped.
+    """As `resolve`, unchecked, also for m > n, above `lower` tasks; whether a direction was damped.
 
     Singular values are judged against the largest one of J, or against size if that is larger. A
     direction that takes more than `fastest` [rad/s] is damped as well. Raises ArrayError.
@@ -232,8 +231,7 @@ def _resolve_in_order_carefully(
 def _resolve_carefully(
     J: Jacobian, dx: TaskVelocity, b: JointVelocities, W: Weight, size: float, fastest: float
 ) -> tuple[JointVelocities, bool]:
-    """b + J_W^# (dx - J b) by orthogonal transformations, near a singularity of J damped; and
-    whether it is.
+    """b + J_W^# (dx - J b) by orthogonal transformations, damped near a singularity; whether it is.
 
     In the coordinates y = F (dq - b), W = F'F, each formula is the plain one, and what is left to
     do is r = dx - J b. The directions u_i of the task are those of J = U diag(s) V'; its rows in y
@@ -295,8 +293,7 @@ def _null_space(J: np.ndarray, size: float) -> np.ndarray:
     """Orthonormal columns (n, n - rank) that J (m, n) takes to zero.
 
     J is projected into the null space of the tasks above, and size the largest singular value of
-    the same rows before. Beside that of J a task that the ones above leave no freedom would be
-    judged against rounding.
+    the same rows before. Beside J's, a task without freedom would be judged against rounding.
     """
     _, s, Vt = np.linalg.svd(J)
     rank = int(np.count_nonzero(s > _DEPENDENT_RATIO * max(size, np.finfo(float).tiny)))

@@ -167,8 +167,7 @@ class RobotState:
         """Of a frame's Jacobian, (n, 6, n), by its rows alone; '' is the tip.
 
         With v_j and w_j the linear and angular columns: joint i turns or shifts all that comes
-        after it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, and w_j x v_i for
-        i > j.
+        after it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, else w_j x v_i.
         """
         J = self.jacobian(frame)
         n = J.shape[1]

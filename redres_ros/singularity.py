@@ -24,8 +24,7 @@ can from
 
 braking with a / 2; a is the acceleration along v at which the first joint is at its limit. This
 speed is faded out, to zero at half of the sigma from which on it counts: there the joints come to
-rest, before they are bent to the other side. The rest of rho is lost, and the other directions go
-on as ever.
+rest, before they are bent to the other side. The rest of rho is lost; other directions are not.
 """
 
 from dataclasses import replace
@@ -59,8 +58,7 @@ _NO_ESCAPE = 0.1
 def locked(executed: float) -> float:
     """How far a task velocity counts as locked, if this fraction of it can be executed.
 
-    1 if none can be, 0 from a fifth on, and continuous between: what takes the place of a locked
-    velocity is blended in.
+    1 if none can be, 0 from a fifth on, continuous between: what replaces it is blended in.
     """
     return max(1.0 - executed / _LOCKED, 0.0)
 
@@ -163,9 +161,7 @@ def end_of_reach(
     ddq_max: JointAccelerations,
     near: float,
 ) -> _EndOfReach | None:
-    """The directions in which the arm would be too fast to stop at the end of its reach, or None.
-    Rows are comparable.
-    """
+    """Directions in which the arm could not stop at its end, of comparable rows, or None."""
     U, s, Vt = np.linalg.svd(J)
     rho = U.T.dot(dx)  # (m,)
     most = np.full(len(rho), np.inf)

@@ -17,6 +17,7 @@ both have the same minimum. kernels/active_set.py searches; no limit, task or la
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +31,12 @@ from redres_ros.types import FLOAT64, JointVelocities
 _FEW = 10
 _ADDED = 4
 _SHORTEST = 1e-12  # of a row whose excess is measured by its length
+_NO = np.zeros(0)
+_WHOLE = _NO.astype(np.int64), _NO, _NO, _NO.astype(bool), _NO, _NO, _NO, 0.0, 0.0, np.nan
 
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
-_StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]
+_StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 # The first six arguments of hierarchical_qp()
 _Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -59,49 +62,45 @@ def solve_constrained(
     box: Box,
     rows: Sequence[Rows] = (),
     active_set: np.ndarray | None = None,
-    sizes: Sequence[int] = (),
-    groups: Sequence[int] = (),
+    parts: tuple[Any, ...] | None = None,
 ) -> Constrained:
-    """The optimum under limits: always finite and in the box, and nearest to standing still if the
-    input is not finite.
+    """The optimum under limits: finite and in the box; nearest to rest if the input is not finite.
 
     Args:
-        tasks: In order of priority; beside a singularity without the directions that dq_free does
-            not execute.
+        tasks: In order of priority, without singular directions that dq_free does not execute.
         box: With lower <= upper.
         rows: Each group of other limits, in order of priority.
         active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
-        sizes, groups: Rows of each task and group, if several come as one; the last have no names.
+        parts: As of hierarchical_qp(), with an active_set of (4 n + 3,); None: there are none.
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
-    counts = _sizes(*sizes) if sizes else _sizes(*[len(dx) for _, dx in tasks])
-    stacked_rows = _stacked_rows(rows, n, groups)
+    counts = _sizes(*[len(dx) for _, dx in tasks])
+    stacked_rows = _stacked_rows(rows, n)
     factor, form = as_array(W)  # that of a SQUARE is symmetric: W = M'M
     if form == WEIGHT:
         factor = np.zeros((n, n))
         fill_factor(np.asarray(W, FLOAT64), factor)
     if active_set is None:
-        active_set = np.zeros(n + 1, np.int64)
+        active_set = np.zeros(4 * n + 3, np.int64)
     problem = dq_free, factor, J, dx, counts, np.asarray(box, FLOAT64)
-    if len(stacked_rows[1]) > _FEW:
-        return _with_needed_rows(problem, stacked_rows, active_set)
     dq = np.empty(n)
-    return Constrained(dq, *hierarchical_qp(*problem, *stacked_rows, active_set, dq))
+    how = active_set, dq, parts or _WHOLE
+    if len(stacked_rows[1]) > _FEW:
+        return _with_needed_rows(problem, stacked_rows, how)
+    return Constrained(dq, *hierarchical_qp((*problem, *stacked_rows), *how))
 
 
-def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndarray) -> Constrained:
-    """The optimum under many rows, found with those alone that it would exceed: rows that it keeps
-    anyway do not change it.
-    """
+def _with_needed_rows(problem: _Problem, rows: _StackedRows, how: tuple[Any, ...]) -> Constrained:
+    """The optimum under many rows, found with those it would exceed: others do not change it."""
     dq_free, *_, box = problem
-    C, low, high, groups, named = rows
+    C, low, high, groups = rows
     n = len(dq_free)
     group = np.repeat(np.arange(len(groups)), groups)
     length = np.maximum(np.linalg.norm(C, axis=1), _SHORTEST)
     chosen = np.zeros(len(low), bool)
-    dq = np.clip(dq_free, *box)
+    dq = np.clip(dq_free, *box, out=how[1])
     solved = None
     while True:
         values = C.dot(dq)
@@ -113,23 +112,23 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
         count = max(_ADDED, len(exceeded) // _ADDED)
         chosen[exceeded[np.argsort(-excess[exceeded])[:count]]] = True
         counts = np.bincount(group[chosen], minlength=len(groups))
-        few = C[chosen], low[chosen], high[chosen], counts, int(chosen[:named].sum())
-        solved = Constrained(dq, *hierarchical_qp(*problem, *few, active_set, dq))
+        few = *problem, C[chosen], low[chosen], high[chosen], counts
+        solved = Constrained(dq, *hierarchical_qp(few, *how))
     if solved.limiting >= n:
         solved.limiting = n + int(np.flatnonzero(chosen)[solved.limiting - n])
     return solved
 
 
-def _stacked_rows(rows: Sequence[Rows], n: int, groups: Sequence[int]) -> _StackedRows:
-    """C (r, n), low and high (r,) of all rows, how many each group has, and how many have names."""
+def _stacked_rows(rows: Sequence[Rows], n: int) -> _StackedRows:
+    """C (r, n), low and high (r,) of all rows, and how many each group has."""
     if not rows:
         return _no_rows(n)
-    counts = _sizes(*(groups or [len(low) for _, low, _ in rows]))
+    counts = _sizes(*[len(low) for _, low, _ in rows])
     if len(rows) == 1:  # nothing to copy
         C, low, high = (np.asarray(each, FLOAT64) for each in rows[0])
     else:
         C, low, high = (np.concatenate(each, dtype=FLOAT64) for each in zip(*rows, strict=True))
-    return C, low, high, counts, len(low) - (len(rows[-1][1]) if groups else 0)
+    return C, low, high, counts
 
 
 @lru_cache
@@ -139,4 +138,4 @@ def _sizes(*rows: int) -> np.ndarray:
 
 @lru_cache
 def _no_rows(n: int) -> _StackedRows:
-    return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), 0
+    return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)

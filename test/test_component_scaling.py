@@ -9,14 +9,9 @@ from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, 
 from redres_ros import Controller, RobotModel
 from redres_ros.errors import UnknownNameError
 from redres_ros.geometry import rotation_matrix
+from redres_ros.kernels.active_set import DIRECTION_TOLERANCE, SPREAD
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.limits.component_scaling import (
-    DIRECTION_TOLERANCE,
-    SPREAD,
-    Yielding,
-    solve_components,
-    split_components,
-)
+from redres_ros.limits.component_scaling import Yielding, solve_components
 from redres_ros.resolution import resolve
 from redres_ros.robot_model import Correction
 from redres_ros.solver import Constrained, solve_constrained
@@ -60,15 +55,13 @@ class Problem:
         self.W = weight(power, 7, random)
         self.dq_free = resolve(self.J, self.dx, random.normal(size=7), self.W)
 
-    def solved(self, yielding: Yielding = RIGID) -> Constrained:
+    def solved(self, yielding: Yielding = RIGID, active_set=None) -> Constrained:
         tasks = [(self.J, self.dx)]
         is_held = np.repeat(self.held, 3)
         correction = Correction(self.dx * is_held, is_held, np.full(6, AWAY))
-        components = split_components(tasks[0], SIZES, correction)
-        return solve_components(
-            *(self.dq_free, self.W, tasks, self.box, [], np.zeros((2, 8), np.int64)),
-            *(components, lambda: ANY, np.zeros(7), yielding),
-        )[0]
+        problem = self.dq_free, self.W, tasks, self.box, [], active_set
+        components = SIZES, correction, None
+        return solve_components(problem, components, lambda: ANY, np.zeros(7), yielding)[0]
 
     @property
     def leading(self) -> int:
@@ -178,6 +171,13 @@ def test_components_that_lock_each_other_give_way_to_the_larger_one():
             solved = problem.solved(Yielding(weight=1.0))
             unlocked += solved.component_scaling[first] > 0.05
     assert unlocked > MANY / 30
+
+
+def test_where_a_search_begins_has_no_say_in_where_it_ends():
+    for seed in range(40):
+        sides = np.random.default_rng(seed).integers(-1, 2, 31)  # of limits that are held
+        dq = Problem(seed).solved(active_set=sides).dq
+        assert dq == pytest.approx(Problem(seed).solved().dq, abs=EXACT), seed
 
 
 def test_what_can_be_executed_as_a_whole_is():

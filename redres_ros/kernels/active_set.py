@@ -11,7 +11,7 @@ DAQP, a dual solver with the same levels, softens each one by a slack weight and
 leaves limits and tasks with errors near 1e-6; 1e-10 is asked here.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import boolean, float64, int64
@@ -50,6 +50,15 @@ _ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 _MUCH = 0.5
 _DEPENDENT = 1e-13  # a limit is dependent if less of its unit vector is orthogonal to the others,
 _RANK = 1e-11  # and a row of a level below this fraction of the longest one
+
+# Components that are scaled, limits/component_scaling.py
+DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
+_SLIDING_TOLERANCE = float(np.radians(85.0))  # [rad], if it leaves nothing
+SPREAD = 0.7  # [rad/s] by which a component that gives way may differ from its velocity
+RADIUS = 0.25  # [m] at which a turn counts as a speed
+_LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
+_CREEP = 0.05, 0.02  # of its velocity the leading one, of its spread the other one
+_NOTHING = 1e-9  # of dx; a component with less is not asked for
 
 _MAX_STEPS = 200  # of one level; ten are many
 _WRONG = 1e-14  # a force of the wrong sign counts from this fraction of the gradient's terms on
@@ -99,8 +108,7 @@ def _append(Q: np.ndarray, R: np.ndarray, k: int, rows: np.ndarray, i: int, d: i
     """Row k of Q (m, d) becomes row i of others, made orthogonal to the rows before and a unit
     vector; the length of what is orthogonal to those.
 
-    Row k of R (m, m) becomes what the row is in terms of Q, as far as its diagonal; d is the number
-    of the elements that count.
+    Row k of R (m, m) becomes the row in terms of Q, up to its diagonal; d elements of a row count.
     """
     for c in range(d):
         Q[k, c] = rows[i, c]
@@ -257,10 +265,15 @@ def _step_across(search: _Search, begin: int) -> None:
 def _solve_level(search: _Search, begin: int, end: int, is_plain: bool) -> None:
     """Move z to the least |A z - a| of a level, rows A from `begin` to `end`, within the limits.
 
-    These rows and the limits that are then tight in every optimum are fixed; others stay held. It
-    is plain if A = I.
+    These rows and the limits tight in every optimum are fixed; others stay held. A = I is plain.
     """
     marks = search.marks
+    fixed = 0
+    for k in range(marks[_COUNT, _BASIS]):
+        fixed += marks[_STATE, marks[_BEHIND, k]] == _FIXED
+    if fixed == marks[_COUNT, _VARIABLES]:  # nothing can move
+        marks[_STATE, begin:end] = _FIXED
+        return
     tight = np.inf
     for _ in range(_MAX_STEPS):
         if is_plain:
@@ -288,9 +301,7 @@ def _solve_level(search: _Search, begin: int, end: int, is_plain: bool) -> None:
 
 @part
 def _advance(search: _Search) -> tuple[int, float]:
-    """Move z along p as far as the limits allow: the limit that stops it, -1 for none; and the
-    speed along its row.
-    """
+    """Move z along p as far as limits allow: the limit that stops it, or -1; the speed along it."""
     z = search.z
     p = search.p
     rows = search.rows
@@ -359,9 +370,7 @@ def _fill_forces(search: _Search, begin: int, end: int) -> float:
 
 @part
 def _most_wrong(search: _Search, least: float) -> int:
-    """The row of the basis that keeps z with the largest force from where it wants to go inside the
-    limits, -1 for none.
-    """
+    """The row of the basis with the largest force against a descent inside the limits, or -1."""
     marks = search.marks
     found = -1
     for k in range(marks[_COUNT, _BASIS]):
@@ -375,9 +384,7 @@ def _most_wrong(search: _Search, least: float) -> int:
 
 @part
 def _fix_tight(search: _Search, tight: float) -> None:
-    """Fix the limits with a larger force than `tight`; note the hardest of the first level that has
-    any, but for that of s.
-    """
+    """Fix limits with a larger force than `tight`; note the hardest of the first level with any."""
     marks = search.marks
     hardest = -1
     largest = tight
@@ -397,6 +404,21 @@ def _fix_tight(search: _Search, tight: float) -> None:
 # --- limits that are rows, in a level of their own ------------------------------------------------
 
 
+@part
+def _beyond(search: _Search, i: int, z: np.ndarray) -> float:
+    """How far z is above limit i, negative below it; 0 if that may be rounding."""
+    value = 0.0
+    noise = 0.0
+    for j in range(search.n + 1):
+        value += search.rows[i, j] * z[j]
+        noise += abs(search.rows[i, j] * z[j])
+    above = value - search.values[_UPPER, i]
+    below = search.values[_LOWER, i] - value
+    if not max(above, below) > _ROUNDING * noise:
+        return 0.0
+    return above if above > below else -below
+
+
 @inlined
 def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
     """Bring in the limits from `begin` on, and whether z exceeds one of them.
@@ -411,18 +433,12 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
     is_exceeded = False
     for r in range(count):
         i = begin + r
-        value = 0.0
-        noise = 0.0
-        for j in range(slack):
-            value += rows[i, j] * z[j]
-            noise += abs(rows[i, j] * z[j])
-        above = value - search.values[_UPPER, i]
-        below = search.values[_LOWER, i] - value
+        beyond = _beyond(search, i, z)
         marks[_STATE, i] = _FREE
-        if max(above, below) > _ROUNDING * noise:
-            z[slack + r] = above if above > below else -below
+        if beyond != 0.0:
+            z[slack + r] = beyond
             marks[_STATE, i] = _HELD
-            marks[_SIDE, i] = 1 if above > below else -1
+            marks[_SIDE, i] = 1 if beyond > 0.0 else -1
             is_exceeded = True
     if is_exceeded:
         marks[_COUNT, _VARIABLES] = slack + count
@@ -451,6 +467,8 @@ def _close_slack(search: _Search, begin: int, count: int, level: int) -> float:
         value = _dot(rows, i, z, slack)
         values[_UPPER, i] = max(values[_UPPER, i], value)
         values[_LOWER, i] = min(values[_LOWER, i], value)
+        if values[_LOWER, i] == values[_UPPER, i]:
+            search.marks[_STATE, i] = _FIXED
     _build_basis(search)
     return square
 
@@ -459,27 +477,18 @@ def _close_slack(search: _Search, begin: int, count: int, level: int) -> float:
 
 
 @inlined
-def _begin_at(
-    dq_free: np.ndarray,
-    box: np.ndarray,
-    C: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    J: np.ndarray,
-    dx: np.ndarray,
-    first: int,
-    most: int,
-    held: np.ndarray,
-) -> _Search:
+def _begin_at(problem: tuple[Any, ...], most: int, own: int, held: np.ndarray) -> _Search:
     """A search that starts at the point of the box nearest to dq_free, with s = 1.
 
     It holds the limits that the last search held in the end: most often it is there after one step
     of each level. Without one, it holds those that dq_free does not keep. The start has no say in
-    where the search ends, but for rounding.
+    where the search ends, but for rounding. If components have limits of their own, so many, the
+    rows of the first task are left to `_enter`.
     """
+    dq_free, _, J, dx, tasks, box, C, low, high, _ = problem
     n = len(dq_free)
     d = n + 1 + most
-    limits = n + 1 + len(C)
+    limits = n + 1 + len(C) + own
     K = limits + len(J) + max(n, most)
     space = np.zeros((3 + K + 2 * d, d))  # one array takes less time than six
     search = _Search(
@@ -519,21 +528,15 @@ def _begin_at(
     values[_UPPER, n] = 1.0
     values[_DESIRED, n] = 1.0
     marks[_STATE, n] = _FREE if held[n] < 0 else _HELD
+    if own:
+        marks[_STATE, n] = _FIXED
     marks[_SIDE, n] = 1
     for r in range(len(C)):
-        i = n + 1 + r
-        square = 0.0
-        for j in range(n):
-            square += C[r, j] ** 2
-        values[_LENGTH, i] = np.sqrt(square) if square > 0.0 else 1.0
-        for j in range(n):
-            rows[i, j] = C[r, j] / values[_LENGTH, i]
-        values[_LOWER, i] = low[r] / values[_LENGTH, i]
-        values[_UPPER, i] = high[r] / values[_LENGTH, i]
-    for r in range(len(J)):  # J dq - s dx = 0 of the first task, J dq = dx of others
-        for j in range(n):
-            rows[limits + r, j] = J[r, j]
-        if r < first:
+        rows[n + 1 + r, :n] = C[r]
+        _limit(search, n + 1 + r, low[r], high[r])
+    for r in range(tasks[0] if own else 0, len(J)):
+        rows[limits + r, :n] = J[r]
+        if r < tasks[0]:  # J dq - s dx = 0 of the first task, J dq = dx of others
             rows[limits + r, n] = -dx[r]
         else:
             values[_DESIRED, limits + r] = dx[r]
@@ -541,8 +544,173 @@ def _begin_at(
         search.largest[j] = abs(z[j])
     marks[_COUNT, _VARIABLES] = n + 1
     marks[_COUNT, _HARDEST] = -1
+    marks[_COUNT, _NAMED] = n + 1 + len(C)
     _build_basis(search)
     return search
+
+
+@part
+def _limit(search: _Search, i: int, low: float, high: float) -> None:
+    """Row i becomes a limit, low <= row z <= high, of unit length."""
+    square = 0.0
+    for j in range(search.n):
+        square += search.rows[i, j] ** 2
+    length = np.sqrt(square) if square > 0.0 else 1.0
+    for j in range(search.n):
+        search.rows[i, j] /= length
+    search.values[_LENGTH, i] = length
+    search.values[_LOWER, i] = low / length
+    search.values[_UPPER, i] = high / length
+
+
+# --- components with scaling factors of their own: limits/component_scaling.py --------------------
+
+
+class _Components(NamedTuple):
+    """Those of the first task."""
+
+    sizes: np.ndarray  # (k,) rows of each
+    rates: np.ndarray  # (m, n) of the tip along each one's velocity, and in the directions across
+    speeds: np.ndarray  # (k,) the length of each one's velocity,
+    asked: np.ndarray  # (k,) and that which is asked for, or 0
+
+
+@inlined
+def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, ...]) -> int:
+    """Write the components, with rates by a Householder reflection of J; the one that leads."""
+    _, _, J, dx, _, _, _, _, _, _ = problem
+    sizes, dq_prev, correction, is_held, _, scale, _, _, _, _ = parts
+    rates = components.rates
+    rates[:] = J[: len(rates)]
+    noise = _NOTHING * np.sqrt(np.sum(dx[: len(rates)] ** 2))
+    leading = 0
+    most = 0.0
+    begin = 0
+    for c, size in enumerate(sizes):
+        end = begin + size
+        velocity = dx[begin:end].copy()
+        if is_held[begin]:
+            velocity[:] = scale[begin] * correction[begin:end]
+        speed = np.sqrt(np.sum(velocity**2))
+        if speed > 0.0:
+            velocity /= speed
+            sign = np.copysign(1.0, velocity[0])
+            velocity[0] += sign
+            for j in range(rates.shape[1]):
+                along = 0.0
+                for i in range(size):
+                    along += velocity[i] * rates[begin + i, j] / abs(velocity[0])
+                for i in range(size):
+                    rates[begin + i, j] = sign * (along * velocity[i] - rates[begin + i, j])
+        components.speeds[c] = speed
+        components.asked[c] = speed if speed > noise and not is_held[begin] else 0.0
+        # What goes on already counts more.
+        lead = (1.0 + (_LEAD - 1.0) * _executed(components, c, dq_prev)) * components.asked[c]
+        if lead > most:
+            leading = c
+            most = lead
+        begin = end
+    return leading
+
+
+@part
+def _executed(components: _Components, c: int, dq: np.ndarray) -> float:
+    """The fraction of a component that is executed; 1 if it is not asked for."""
+    if components.asked[c] == 0.0:
+        return 1.0
+    along = _dot(components.rates, components.sizes[:c].sum(), dq, len(dq))
+    return min(max(along / components.asked[c], 0.0), 1.0)
+
+
+@inlined
+def _enter(search: _Search, components: _Components, leading: int, parts: tuple[Any, ...]) -> float:
+    """Write the limits of components and the rows of their levels, where no component that is
+    asked for has less than the factor s; the largest factor of the leading one.
+    """
+    _, _, _, is_held, away, scale, _, weight, sliding, s = parts
+    sizes, rates, speeds, asked = components
+    rows = search.rows
+    desired = search.values[_DESIRED]
+    n = search.n
+    stuck = weight * sliding
+    size = sizes[leading]
+    first = sizes[:leading].sum()  # the row of the leading one
+    tolerance = DIRECTION_TOLERANCE + sliding * (_SLIDING_TOLERANCE - DIRECTION_TOLERANCE)
+    most = np.cos(tolerance) / np.cos(DIRECTION_TOLERANCE)  # no faster with what goes across
+    least = 0.0 if np.isnan(s) else s
+    i = search.marks[_COUNT, _NAMED]
+    level = i + len(rates) + size - 1
+    rows[level, :n] = rates[first]
+    desired[level] = most * speeds[leading]
+    for c in range(len(sizes)):
+        if c == leading:
+            continue
+        row = sizes[:c].sum()
+        spread = SPREAD * scale[row] * (RADIUS if c == 0 else 1.0)
+        wide = weight * spread / np.sqrt(float(sizes[c]))  # a cube
+        lowest = min(speeds[c] - wide, least * asked[c])
+        if weight > 0.0 and is_held[row]:
+            lowest = max(lowest, -scale[row] * away[row])
+        if stuck > 0.0:
+            lowest = min(lowest, -_CREEP[1] * stuck * spread)
+        for r in range(sizes[c]):
+            level += 1
+            rows[i, :n] = rates[row + r]
+            rows[level, :n] = rates[row + r]
+            desired[level] = speeds[c] if r == 0 else 0.0
+            _limit(search, i, lowest if r == 0 else -wide, desired[level] + wide)
+            i += 1
+    creep = _CREEP[0] * stuck * speeds[leading]
+    rows[i, :n] = rates[first]
+    _limit(search, i, least * speeds[leading] - creep, most * speeds[leading])
+    slope = np.tan(tolerance) / np.sqrt(max(size - 1.0, 1.0))
+    for r in range(1, size):  # a pyramid
+        rows[level + r, :n] = rates[first + r]
+        for side in (1.0, -1.0):
+            i += 1
+            rows[i, :n] = side * rates[first + r] - slope * rates[first]
+            _limit(search, i, -np.inf, creep)
+    return most
+
+
+@inlined
+def _resume(search: _Search, end: int, held: np.ndarray, dq: np.ndarray) -> None:
+    """Move z near dq, to where all that the last search held is at its end, if that keeps all
+    limits up to `end`.
+    """
+    p = search.p
+    values = search.values
+    marks = search.marks
+    d = search.n + 1
+    begin = marks[_COUNT, _NAMED]
+    p[:] = search.z
+    for i in range(search.n):
+        if marks[_STATE, i] == _FREE:
+            p[i] = min(max(dq[i], values[_LOWER, i]), values[_UPPER, i])
+    for i in range(begin, end):
+        side = held[d + i - begin] if d + i - begin < len(held) else 0
+        if values[_LOWER, i] == values[_UPPER, i]:
+            marks[_STATE, i] = _FIXED
+        elif side != 0 and np.isfinite(values[_UPPER if side > 0 else _LOWER, i]):
+            marks[_STATE, i] = _HELD
+            marks[_SIDE, i] = side
+    _build_basis(search)
+    for k in range(marks[_COUNT, _BASIS]):
+        i = marks[_BEHIND, k]
+        bound = values[_UPPER if marks[_SIDE, i] > 0 else _LOWER, i]
+        along = (bound - _dot(search.rows, i, p, d)) / search.R[k, k]
+        for j in range(d):
+            p[j] += along * search.Q[k, j]
+    is_inside = True
+    for i in range(end):
+        is_inside = is_inside and _beyond(search, i, p) == 0.0
+    for i in range(d, end):
+        if not is_inside or marks[_STATE, i] == _LATER:
+            marks[_STATE, i] = _FREE if is_inside else _LATER
+    if is_inside:
+        search.z[:] = p
+    else:
+        _build_basis(search)
 
 
 # --- all levels -----------------------------------------------------------------------------------
@@ -551,60 +719,79 @@ def _begin_at(
 @direct
 @compiled(
     several(float64, float64, float64, int64, int64, boolean)(
-        *(vector(), matrix(), matrix(), vector(), vector(int64)),
-        *(matrix(), matrix(), vector(), vector(), vector(int64), int64, int64[::1], float64[::1]),
+        several(
+            *(vector(), matrix(), matrix(), vector(), vector(int64)),
+            *(matrix(), matrix(), vector(), vector(), vector(int64)),
+        ),
+        *(int64[::1], float64[::1]),
+        several(
+            *(vector(int64), vector(), vector(), vector(boolean), vector(), vector()),
+            *(float64[::1], float64, float64, float64),
+        ),
     )
 )
 def hierarchical_qp(
-    dq_free: np.ndarray,
-    F: np.ndarray,
-    J: np.ndarray,
-    dx: np.ndarray,
-    tasks: np.ndarray,
-    box: np.ndarray,
-    C: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    groups: np.ndarray,
-    named: int,
-    held: np.ndarray,
-    dq: np.ndarray,
+    problem: tuple[Any, ...], held: np.ndarray, dq: np.ndarray, parts: tuple[Any, ...]
 ) -> tuple[float, float, float, int, int, bool]:
     """Write the joint velocity nearest to dq_free (n,), in the norm of W = F'F, under limits and
     after tasks, in order of priority, into dq (n,).
 
-    F is (n, n), or (0, 0) for the identity. J (m, n) and dx (m,) are the rows of all tasks, of
-    which each has so many of `tasks` (k,); C (r, n), low and high (r,) those of the other limits,
-    of which each of `groups` (g,) has a priority of its own; box (2, n) are the limits of dq. The
-    search starts from what the last one left in `held` (n + 1,), at first zeros, and leaves there
-    what the next one starts from: the side of each joint that is held, and 1 for s = 1, else -1.
+    The problem is dq_free, F, J, dx, tasks, box, C, low, high and groups. F is (n, n), or (0, 0)
+    for the identity. J (m, n) and dx (m,) are the rows of all tasks, of which each has so many of
+    `tasks` (k,); C (r, n), low and high (r,) those of the other limits, of which each of `groups`
+    (g,) has a priority of its own; box (2, n) are the limits of dq. A search starts from what the
+    last one left in `held` (n + 1,), at first zeros: sides of held joints, and 1 for s = 1 or -1.
 
-    Returns:
-        The scaling factor s of the first task; its error; the excess of the rows; the limit that
-        resists hardest, the joints' first, then the first `named` rows', -1 for none; its side, +1
-        for the upper end; and whether each level got to its least.
+    The parts are those of a first task whose components are scaled: their sizes (c,), dq_prev (n,);
+    velocity, is_held and away of a correction, and the scale of the rows (m,); `executed` (c + 1,);
+    how far they yield, and slide; and s of the whole. If that is NaN, and all or none are asked
+    for, the whole is searched for, and `executed` ends with their number. Else it becomes what is
+    executed of each, and of what the leading one may have; `held` goes on with the joints of this
+    search, and the limits of components.
+
+    Returns the scaling factor s of the first task; its error; the excess of the rows; the limit
+    that resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
+    end; and whether each level got to its least.
     """
-    n = len(dq_free)
-    most = 0
-    for count in groups:
-        most = max(most, count)
-    search = _begin_at(dq_free, box, C, low, high, J, dx, tasks[0], most, held)
-    search.marks[_COUNT, _NAMED] = n + 1 + named
+    dq_free, F, _, _, tasks, box, C, _, _, groups = problem
+    sizes, dq_prev, _, _, _, _, executed, _, _, s_whole = parts
+    n = len(dq)
+    k = len(sizes)
+    components = _Components(sizes, np.empty((sizes.sum(), n)), np.empty(k), np.empty(k))
+    leading = _split(components, problem, parts)
+    asked = np.count_nonzero(components.asked)
+    own = 0
+    groups = groups.copy()
+    tasks = tasks.copy()
+    if not np.isnan(s_whole) or 0 < asked < k:
+        size = sizes[leading]
+        own = sizes.sum() + size - 1
+        following = np.delete(sizes, leading)
+        groups = np.concatenate((groups, following, np.array([2 * size - 1])))
+        tasks = np.concatenate((np.array([1]), following, np.array([size - 1]), tasks[1:]))
+    held = held[n + 1 :] if own else held[: n + 1]
+    most = groups.max() if len(groups) else 0
+    limits = n + 1 + len(C) + own
+    search = _begin_at(problem, most, own, held)
+    fraction = 1.0
+    if own:
+        fraction = _enter(search, components, leading, parts)
+        _resume(search, limits, held, dq_prev)
     z = search.z
     rows = search.rows
     marks = search.marks
-    last = n + 1 + len(C) + len(J)  # the rows of the law, or of slack variables
+    last = len(rows) - max(n, most)  # the rows of the law, or of slack variables
     begin = n + 1
     excess = 0.0
     for count in groups:
-        if _open_slack(search, begin, count, last):
+        if marks[_STATE, begin] == _LATER and _open_slack(search, begin, count, last):
             _solve_level(search, last, last + count, False)
             excess += _close_slack(search, begin, count, last)
         begin += count
     error = 0.0
-    for k, count in enumerate(tasks):
+    for t, count in enumerate(tasks):
         _solve_level(search, begin, begin + count, False)
-        if k == 0:
+        if t == 0 and own == 0:
             for i in range(begin, begin + count):
                 error += _dot(rows, i, z, n + 1) ** 2
             _solve_level(search, n, n + 1, False)  # s = 1
@@ -624,11 +811,16 @@ def hierarchical_qp(
         error = np.nan
         solved = False
     for i in range(n):
-        is_held = solved and marks[_STATE, i] in (_HELD, _FIXED)
-        held[i] = marks[_SIDE, i] if is_held else 0
         dq[i] = min(max(z[i], box[0, i]), box[1, i])  # which changes it at rounding level
+    for r in range(len(held)):
+        i = r if r <= n else r + len(C)
+        is_held = solved and i < limits and marks[_STATE, i] in (_HELD, _FIXED)
+        held[r] = marks[_SIDE, i] if is_held else 0
     s = min(max(z[n], 0.0), 1.0)
     held[n] = 1 if s == 1.0 else -1
+    for c in range(k):
+        executed[c] = _executed(components, c, dq) if own else np.nan
+        executed[k] = executed[leading] / fraction if own else asked
     hardest = marks[_COUNT, _HARDEST]
     side = marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:

@@ -369,8 +369,7 @@ def admit(
     A joint that is faster than V may not get faster; one outside its range may only come back.
 
     Returns:
-        The number of the first joint that is changed, or cannot stop within its range any more;
-        -1 if there is none.
+        The first joint that is changed, or cannot stop within its range any more; -1 for none.
     """
     first = -1
     for i in range(len(q_ref)):

@@ -1,8 +1,7 @@
 """The closed form, Eq. (A.13) and (20), and what else is solved by triangular factors.
 
 A call of numpy or LAPACK takes longer than the arithmetic of so few joints: the whole formula takes
-as long as three of them. And scipy, which brings LAPACK's triangular solvers, takes a third of a
-second to load.
+as long as three. And scipy, with LAPACK's triangular solvers, takes a third of a second to load.
 """
 
 import numpy as np
@@ -131,8 +130,7 @@ def _is_regular(R: np.ndarray, size: float) -> bool:
     Its R (m, m) is upper triangular. The eigenvalues of R'R other than the smallest one have a mean
     of at most trace / (m - 1). Hence the smallest one is at least det / (trace / (m - 1))^(m - 1).
     Where this is too little, as for eigenvalues of different sizes, it is at least 1 / trace of the
-    inverse. Singular values are judged against `size`, or against the largest one if that is
-    larger.
+    inverse. Singular values are judged against `size`, or the largest one if that is larger.
     """
     m = len(R)
     trace = 0.0
@@ -165,8 +163,7 @@ def _are_regular(R: np.ndarray, first: int, size: float) -> bool:
     With J = R'Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
     of those before it. Its singular values are judged against those of the whole Jacobian, whose
     rows are as long as the columns of R. All lower tasks are judged as one: the smallest singular
-    value of their common block is at most that of each, and what it is judged against at least as
-    large.
+    value of their common block is at most that of each, what it is judged against no smaller.
     """
     for begin in range(0, first + 1, first):  # 0 and first; numba compiles a literal 0 apart
         if begin == len(R):
@@ -357,24 +354,3 @@ def free_motion(
     _solve_upper(U, x)  # -M^-1 n
     for i in range(len(n)):
         b[i] = forgetting_factor * dq[i] + T * x[0, i]
-
-
-@direct
-@compiled(float64(matrix(), vector(), float64[:, ::1]))
-def fill_rates(J: np.ndarray, velocity: np.ndarray, rates: np.ndarray) -> float:
-    """Write the rates along a velocity (k,), and across it, into rates (k, n), by a Householder
-    reflection of J (k, n); the length of the velocity. Those of no velocity are J.
-    """
-    length = np.sqrt(np.sum(velocity**2))
-    rates[:] = J
-    if length > 0.0:
-        normal = velocity / length
-        sign = np.copysign(1.0, normal[0])
-        normal[0] += sign
-        for j in range(J.shape[1]):
-            along = 0.0
-            for i in range(len(normal)):
-                along += normal[i] * J[i, j]
-            for i in range(len(normal)):
-                rates[i, j] = sign * (normal[i] * along / abs(normal[0]) - J[i, j])
-    return length

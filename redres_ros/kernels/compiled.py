@@ -55,9 +55,7 @@ def _report_compiling(folder: str) -> None:
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """A function that only compiled ones of its file call. It is compiled with them, and kept in
-    them.
-    """
+    """A function that only compiled ones of its file call, with which it is compiled and kept."""
     return _part(function, 'never')
 
 

@@ -353,8 +353,7 @@ def least_on_path(
 
     Ticks are left out in which no pair can be nearer than `enough` [m], whatever its direction
     (conservative advancement: Mirtich, Impulse-based dynamic simulation, 1996). `step` is the least
-    number of ticks from one look to the next; with 1 none is missed, unless joints brake for a
-    thousand ticks.
+    number of ticks between looks; with 1 none is missed, unless joints brake for a thousand ticks.
 
     Returns:
         The distances, (P,) [m], those below `enough` exact; and after how many ticks, (P,). Minus
@@ -426,8 +425,7 @@ def braking_rows(
     clearance: float,
     lever: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless every acceleration within
-    the limits keeps it.
+    """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless all allowed motion keeps it.
 
     DistanceLimit says what these are. `distance_now` (P,) is that of each pair, infinite if it is
     far; `lever` is the largest element of max_point_jacobian.

@@ -1,5 +1,4 @@
-"""The motion that is best along a path to come: one linearisation and one recursion of dynamic
-programming a tick.
+"""The best motion along a path to come: a linearisation and a recursion of dynamic programming.
 
 Over K + 1 steps, the first of T and the others of h, from q_{i+1} = q_i + h_i u_i,
 
@@ -454,8 +453,7 @@ def _next_nodes(
     e: np.ndarray,
 ) -> tuple[float, float]:
     """Write the nodes to which the old plan leads, or its own if their merit is less, or, if these
-    are stuck, a first guess whose merit is less still; and their linearisation. The trust to put in
-    them, and their merit.
+    are stuck, a first guess of less merit still; and their linearisation. Their trust and merit.
     """
     old_nodes, old_L, old_Y, trust, merit = old
     h = problem[1]

@@ -45,12 +45,10 @@ def make_limits(
     """The limits of those names in LIMITS, to be kept together; limits themselves stay as they are.
 
     `limit_scale` is the fraction of the arm's velocities and accelerations that is allowed,
-    `torque_scale` that of its torques. Gains are as {'position.margin': 0.02}; those of limits that
-    are not asked for do nothing.
+    `torque_scale` that of its torques. Gains are as {'position.margin': 0.02}; others do nothing.
 
     Raises UnknownNameError for a limit or a gain that does not exist, RangeError for a gain or a
-    scale, RepeatedNameError, and ArrayError for values that the arm lacks and for a limit of
-    another arm.
+    scale, RepeatedNameError, and ArrayError for values that the arm lacks or another arm's limit.
     """
     names = tuple(names)
     check_once('limit', names)

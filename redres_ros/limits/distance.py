@@ -28,8 +28,7 @@ _TIME = 0.3
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
 
-# Of the path of a braking arm: how often it is looked at, and the most places between its ends that
-# get rows
+# Of the path of a braking arm: how often it is looked at, and the most places that get rows
 _LOOKS = 16
 _MOST_PLACES = 5
 
@@ -99,8 +98,7 @@ class DistanceLimit(BrakingLimit):
     longer. `scale` acts on the speed and on the accelerations.
 
     Where no acceleration limit is in force, this limit keeps the accelerations itself while
-    anything is near, as well as the distances allow: joints that may jump would swing between two
-    ways round an obstacle.
+    anything is near, as well as the distances allow: joints that jump would swing between two ways.
     """
 
     order = 0
@@ -157,8 +155,7 @@ class DistanceLimit(BrakingLimit):
 
     def can_be_kept(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         """Whether no pair comes nearer than d_s, or than by braking at once, if the joints brake
-        after this tick. The rows are of first order, and of some places on the path; this is exact
-        in each tick.
+        after this tick. The rows are of first order, and of some places on the path; this is exact.
         """
         least, _ = self._least(state, dq, T, 1, self.clearance)
         if not least.min(initial=np.inf) < self.clearance:
@@ -209,9 +206,7 @@ class DistanceLimit(BrakingLimit):
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
     def _nearest_places(self, state: ReferenceState, T: Seconds) -> Iterator[_Place]:
-        """Where the joints come to rest if they brake, after this tick, and where pairs are nearest
-        between.
-        """
+        """Where joints rest if they brake after this tick, and where pairs are nearest before."""
         rest = self._braked(state, T, np.inf)
         yield rest
         if rest.ticks == 1.0:
@@ -246,8 +241,7 @@ class DistanceLimit(BrakingLimit):
         return least, ticks
 
     def _braked(self, state: ReferenceState, T: Seconds, ticks: float) -> _Place:
-        """Where the arm is that has braked for so many ticks, this one included; infinity: at
-        rest.
+        """Where the arm is that has braked for so many ticks, with this one; infinity: at rest.
 
         A joint goes on by v, v - A T, v - 2 A T, ..., until less than A T is left.
         """
@@ -270,8 +264,7 @@ class CollisionLimit(DistanceLimit):
     while the joints brake.
 
     d is their distance, n the direction from the nearest point of a to that of b, J_a and J_b the
-    Jacobians of these points. Bodies are capsules around the arm's links. Raises ArrayError for an
-    arm with several tips.
+    Jacobians of these points. Bodies are capsules around links. Raises ArrayError for several tips.
     """
 
     obstacles: str = param(

@@ -15,7 +15,7 @@ from redres_ros.kernels.boxes import (
     stopping_speed,
     within,
 )
-from redres_ros.limits.component_scaling import Yielding, solve_components, split_components
+from redres_ros.limits.component_scaling import Yielding, solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit
 from redres_ros.limits.limit import JointLimit, Limit, ReferenceState
 from redres_ros.parameter import check_once
@@ -67,14 +67,14 @@ class Bounds:
         factor of its own; empty: one factor for all. Its rows are scaled by `scale`.
         """
         limits = self.limits
-        problem = dq, W, levels, self.box, self.rows
+        problem = dq, W, levels, self.box, self.rows, limits.active_set
         if components:
-            split = split_components(levels[0], components, self.state.tick.correction, scale)
+            parts = components, self.state.tick.correction, scale
             how = self._steady_box, self.state.dq_prev, limits.yielding
-            solved, steady, executed = solve_components(*problem, limits.active_sets, split, *how)
+            solved, steady, executed = solve_components(problem, parts, *how)
             limits.yielding = limits.yielding.after(steady, executed, self.T)
         else:
-            solved = solve_constrained(*problem, limits.active_sets[0])
+            solved = solve_constrained(*problem)
         if self.rows and not self._can_be_kept(solved.dq):
             solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
@@ -88,17 +88,16 @@ class Bounds:
     def _nearer_to_braking(
         self, solved: Constrained, levels: Sequence[Level], components: Sequence[int]
     ) -> Constrained:
-        """Between a solution that keeps the rows and braking: one after which the joints can still
-        brake.
-        """
+        """Between a solution that keeps the rows and braking, one that can still be braked."""
         braking = self.limits.slower(np.zeros(len(solved.dq)), self.box, self.state, self.T)
         for fraction in _FRACTIONS:
             dq = braking + fraction * (solved.dq - braking)
             if self._can_be_kept(dq):
                 break
-        _, dx = levels[0]
-        split = split_components(levels[0], components or (len(dx),), self.state.tick.correction)
-        executed = tuple(component.fraction(dq) for component in split)
+        parts = components or (len(levels[0][1]),), self.state.tick.correction, None
+        at_dq = dq, None, levels[:1], (dq, dq), (), None
+        found, _, _ = solve_components(at_dq, parts, self._steady_box, dq, Yielding())
+        executed = found.component_scaling
         scaling = executed if components else ()
         return replace(solved, dq=dq, s=min(executed), component_scaling=scaling)
 
@@ -109,9 +108,7 @@ class Bounds:
         return lower.clip(-_FASTEST, 0.0), upper.clip(0.0, _FASTEST)
 
     def _name(self, index: int, side: int) -> str:
-        """'joint: limit' of the upper (side 1) or lower end (-1) of a bound: joints first, then
-        rows.
-        """
+        """'joint: limit' of an upper (side 1) or lower (-1) bound: joints first, then rows."""
         limits = self.limits
         if index < limits.model.n:
             ends = self.boxes[:, (side + 1) // 2, index]
@@ -130,8 +127,7 @@ class Limits:
 
     The boxes are intersected in their order: jerk, acceleration, velocity, position. A joint for
     which one has nothing in common with those before it goes as near to it as they allow. So a
-    joint that is too fast or outside its range brakes, or comes back, as hard as its acceleration
-    allows.
+    joint that is too fast or outside its range brakes, or comes back, as hard as it may.
     """
 
     def __init__(self, model: RobotModel, names: Mapping[Limit, str]) -> None:
@@ -156,7 +152,7 @@ class Limits:
             if isinstance(limit, JerkLimit):
                 self.jerk = self._joints['J'].copy()
         self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
-        self.active_sets = np.zeros((2, model.n + 1), np.int64)  # of its searches
+        self.active_set = np.zeros(4 * model.n + 3, np.int64)  # of its searches
         self.yielding = Yielding()  # of components, after the last tick
 
     def __iter__(self) -> Iterator[Limit]:
@@ -222,19 +218,10 @@ class Limits:
 
     def _fill_boxes(self, dq: JointVelocities, state: ReferenceState, T: Seconds) -> bool:
         """Write the boxes of a state into _boxes; whether dq is in all of them."""
+        motion = dq, state.q, state.dq_prev, state.ddq_prev, T
         tick = state.tick
-        return fill_boxes(
-            dq,
-            state.q,
-            state.dq_prev,
-            state.ddq_prev,
-            T,
-            self._joints,
-            self._boxes,
-            tick.gap,
-            tick.longest_gap,
-            tick.lost,
-        )
+        gaps = tick.gap, tick.longest_gap, tick.lost
+        return fill_boxes(*motion, self._joints, self._boxes, *gaps)
 
 
 def _between(dq: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -97,9 +97,7 @@ def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
 
 
 def touched(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
-    """The surface that the tip can touch, if it does, by the value of each of the fake robot's
-    parameters.
-    """
+    """The surface that the tip can touch, if any, by each of the fake robot's parameters."""
     shape = value('contact_shape')
     centre = np.array(value('contact_position'))
     if shape != 'none':
