@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import yaml
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -239,6 +240,18 @@ def nodes(
                 for name, values in parameters.items()
             },
         )
+
+
+def write_task(path: Path, waypoints: np.ndarray, segment_time: float) -> str:
+    """A file for the paper's arm from its start, with waypoints (N, 3) [m]; its path."""
+    content = {
+        'robot': 'lwr4_paper',
+        'start': np.degrees(START).tolist(),
+        'segment_time': segment_time,
+        'waypoints': waypoints.tolist(),
+    }
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
 
 
 def log_lines(directory: Path, name: str) -> list[str]:

@@ -13,12 +13,11 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from doubles import LateArm
-from graph_helpers import PATIENCE, await_that, graph, is_running
+from graph_helpers import PATIENCE, await_that, graph, is_running, write_task
 from nightly import NIGHTLY
 from std_msgs.msg import Float64
 
@@ -67,19 +66,6 @@ def summary(out: Path) -> dict[str, Any]:
 def column(rows: np.ndarray, name: str) -> np.ndarray:
     """One column of motion.csv."""
     return rows[:, columns(7).index(name)]
-
-
-def write_task(path: Path, waypoints: np.ndarray, segment_time: float) -> str:
-    """A file for the paper's arm from its start, with waypoints (N, 3) [m]; its path."""
-    task = load_task('rectangle')
-    content = {
-        'robot': task.robot,
-        'start': np.degrees(task.start).tolist(),
-        'segment_time': segment_time,
-        'waypoints': waypoints.tolist(),
-    }
-    path.write_text(yaml.safe_dump(content))
-    return str(path)
 
 
 @pytest.fixture(scope='module')

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from graph_helpers import write_task
 from nightly import NIGHTLY
 from reference_judge import judge_graph
 from std_msgs.msg import String
@@ -233,15 +233,8 @@ def test_a_stop_of_the_robot_ends_a_task_that_waits_longer_than_resume_within(
 
 def test_a_point_out_of_reach_keeps_a_task_for_a_moment_and_not_for_ever(tmp_path: Path) -> None:
     x = MODEL.tip(np.array(MODEL.arm.start))[0]
-    content = {
-        'robot': 'lwr4_paper',
-        'start': np.degrees(MODEL.arm.start).tolist(),
-        'waypoints': [x.tolist(), (3.0 * x).tolist(), x.tolist()],
-        'segment_time': 3.0,
-    }
-    file = tmp_path / 'task.yaml'
-    file.write_text(yaml.safe_dump(content))
-    with virtual_run(planner={'task': str(file), 'autostart': True}) as made:
+    task = write_task(tmp_path / 'task.yaml', np.array([x, 3.0 * x, x]), 3.0)
+    with virtual_run(planner={'task': task, 'autostart': True}) as made:
         made.run(10.0)
         assert state(made) is TaskState.FINISHED
 

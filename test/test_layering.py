@@ -15,7 +15,7 @@ LAYERS = (
     {'types'},
     {'files'},
     {'kernels'},
-    {'geometry'},
+    {'geometry', 'scene'},
     {'parameter', 'robots', 'preview'},
     {'resolution', 'robot_model'},
     {'solver'},

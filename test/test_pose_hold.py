@@ -9,7 +9,7 @@ from redres_ros import Controller, RobotModel
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
-from redres_ros.nodes.robot_parameters import END_OF_REACH
+from redres_ros.nodes.policy_parameters import END_OF_REACH
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]

@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import PATIENCE, Observer, await_that, graph, log_lines
+from graph_helpers import PATIENCE, Observer, await_that, graph, log_lines, write_task
 
 from redres_ros import load_task
 from redres_ros.demo.processes import NodeProcess
@@ -63,25 +62,13 @@ class Graph(NamedTuple):
         await_that(lambda: observer.commanding and observer.speed > 0.02, 'motion in command mode')
 
 
-def endless_task(directory: Path) -> str:
-    """A file with ten minutes of motion."""
-    task = load_task('rectangle')
-    content = {
-        'robot': task.robot,
-        'start': np.degrees(task.start).tolist(),
-        'segment_time': 1.5,
-        'waypoints': [(task.waypoints[0] + point).tolist() for point in 200 * SIDE],
-    }
-    path = directory / 'endless.yaml'
-    path.write_text(yaml.safe_dump(content))
-    return str(path)
-
-
 @pytest.fixture
 def moving(tmp_path: Path) -> Iterator[Graph]:
     """A graph whose arm moves; afterwards nothing may have jumped, and no node have failed."""
+    waypoints = load_task('rectangle').waypoints[0] + np.array(200 * SIDE)  # ten minutes
+    task = write_task(tmp_path / 'endless.yaml', waypoints, 1.5)
     with graph(Observer) as (observer, start):
-        own = OWN | {'planner': {'autostart': True, 'task': endless_task(tmp_path)}}
+        own = OWN | {'planner': {'autostart': True, 'task': task}}
 
         def start_one(name: str, log: str) -> NodeProcess:
             return start(name, tmp_path / f'{log}.log', **ALL, **own[name])

@@ -96,3 +96,8 @@ def test_a_controller_loads_nothing_that_it_does_not_need() -> None:
     done = run_blocked(CONTROLLER + LOADED)
     assert done.returncode == 0, done.stderr
     assert not set(done.stderr.split()) & {'mujoco', 'matplotlib', 'rclpy', 'rich'}
+
+
+def test_the_fake_robot_starts_without_the_formulas_of_the_controller() -> None:
+    done = run_blocked('import redres_ros.nodes.sim', libraries='numba')
+    assert done.returncode == 0, done.stderr

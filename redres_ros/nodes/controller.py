@@ -44,7 +44,8 @@ from redres_ros.nodes.parameters import (
     on_live_change,
     with_changes,
 )
-from redres_ros.nodes.robot_parameters import PolicyParameters, declare_robot
+from redres_ros.nodes.policy_parameters import PolicyParameters
+from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.topics import LatchedWords
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel

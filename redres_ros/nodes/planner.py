@@ -31,7 +31,8 @@ from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_traces
 from redres_ros.nodes.parameters import ListenerParameters, declare
-from redres_ros.nodes.robot_parameters import END_OF_REACH, declare_robot
+from redres_ros.nodes.policy_parameters import END_OF_REACH
+from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, LatchedWords, Telemetry
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings

@@ -19,7 +19,6 @@ from redres_ros.fake_robot.plant import FaultyPlant, IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fake_robot.session import CommandError, SessionSettings
-from redres_ros.limits.scene import touched
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_time
 from redres_ros.nodes.diagnostics import Diagnostics, Health
 from redres_ros.nodes.lifecycle import ManagedNode
@@ -46,6 +45,7 @@ from redres_ros.nodes.topics import (
 )
 from redres_ros.parameter import param
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.scene import touched
 from redres_ros.types import Nanoseconds, Seconds
 
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the

@@ -14,13 +14,13 @@ from std_msgs.msg import Float64, String
 
 from redres_ros.files.plugins import load_plugin
 from redres_ros.graph.monitor import WORDS, GraphMonitor, LiveArm
-from redres_ros.limits.scene import shapes_of, touched
 from redres_ros.nodes.controller_telemetry import PERIOD, Figures
 from redres_ros.nodes.parameters import NONE, declare, named
 from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import task_for
+from redres_ros.scene import shapes_of, touched
 from redres_ros.view.controls import Bindings, add_controls
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene

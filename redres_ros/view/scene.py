@@ -9,10 +9,10 @@ import pinocchio as pin
 import viser
 
 from redres_ros.geometry import to_quaternion
-from redres_ros.limits.scene import SPHERE, DrawnShape
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE
+from redres_ros.scene import SPHERE, DrawnShape
 from redres_ros.types import JointPositions
 
 _BLACK = (30, 30, 34)
