@@ -535,7 +535,8 @@ def _begin_at(problem: tuple[Any, ...], most: int, own: int, held: np.ndarray) -
         rows[n + 1 + r, :n] = C[r]
         _limit(search, n + 1 + r, low[r], high[r])
     for r in range(tasks[0] if own else 0, len(J)):
-        rows[limits + r, :n] = J[r]
+        for j in range(n):
+            rows[limits + r, j] = J[r, j]
         if r < tasks[0]:  # J dq - s dx = 0 of the first task, J dq = dx of others
             rows[limits + r, n] = -dx[r]
         else:
@@ -585,8 +586,8 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
     noise = _NOTHING * np.sqrt(np.sum(dx[: len(rates)] ** 2))
     leading = 0
     most = 0.0
-    begin = 0
     for c, size in enumerate(sizes):
+        begin = sizes[:c].sum()
         end = begin + size
         velocity = dx[begin:end].copy()
         if is_held[begin]:
@@ -609,7 +610,6 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
         if lead > most:
             leading = c
             most = lead
-        begin = end
     return leading
 
 

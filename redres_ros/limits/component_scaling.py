@@ -97,7 +97,7 @@ def solve_components(
     if fractions[0] != fractions[0]:  # the whole has been searched for
         s = solved.s
         is_exact = solved.error <= _NOTICEABLE
-        if (is_exact and s >= 1.0) or not np.isfinite(solved.error) or most == 0.0:
+        if (is_exact and s >= 1.0) or not solved.error < np.inf or most == 0.0:
             solved.component_scaling = (s,) * len(sizes)
             return solved, 1.0, 1.0
         least = s if is_exact and not any(yielding[1:]) else 0.0

@@ -103,9 +103,9 @@ class Bounds:
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
-        lower = self.boxes[VELOCITY:BOXES, 0].max(axis=0)
-        upper = self.boxes[VELOCITY:BOXES, 1].min(axis=0)
-        return lower.clip(-_FASTEST, 0.0), upper.clip(0.0, _FASTEST)
+        lower = np.maximum(self.boxes[VELOCITY:BOXES, 0].max(axis=0), -_FASTEST)
+        upper = np.minimum(self.boxes[VELOCITY:BOXES, 1].min(axis=0), _FASTEST)
+        return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
 
     def _name(self, index: int, side: int) -> str:
         """'joint: limit' of an upper (side 1) or lower (-1) bound: joints first, then rows."""
