@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from pyarrow import parquet
 from study import read_results
 
-from redres_ros import LAWS, Result, RobotModel
+from redres_ros import LAWS, Case, Result, RobotModel
 from redres_ros.simulation.colours import law_colour
 
 FOLDER = Path(__file__).parent
@@ -43,6 +43,7 @@ RATIOS: dict[str, Callable[[Any], float]] = {  # figures of a finished result, b
     SQUARE: lambda result: result.effort.squared_acceleration,
 }
 SHOWN = (PEAK, 'RMS |ddq|', 'peak |tau|', 'kinetic energy')
+AHEAD = '@horizon=2'  # as the command line has it
 GREEDY = [law for law in LAWS if not law.endswith('ahead')]
 
 Task = tuple[str, str, int]  # arm, kind, seed
@@ -103,18 +104,23 @@ def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
 def _counts(results: Sequence[Result]) -> list[int]:
     """The number of tasks of each arm, law and kind, with limits and without."""
     cases = [each.case for each in results]
-    return list(Counter((each.robot, each.law, each.limits, each.task) for each in cases).values())
+    return [*Counter((case.robot, _name(case), case.limits, case.task) for case in cases).values()]
 
 
 def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
     """Each law's motions beside those of the first law on the same task."""
     chosen = [each for each in results if bool(each.case.limits) == limited]
     firsts = {_task(each): each for each in chosen if each.case.law == FIRST}
-    found: dict[str, list[Pair]] = {law: [] for law in GREEDY}
+    found: dict[str, list[Pair]] = {name: [] for law in GREEDY for name in (law, law + AHEAD)}
     for each in chosen:
         if _task(each) in firsts:
-            found[each.case.law].append((each, firsts[_task(each)]))
-    return found
+            found[_name(each.case)].append((each, firsts[_task(each)]))
+    return {name: found[name] for name in found if found[name]}
+
+
+def _name(case: Case) -> str:
+    """Of a law."""
+    return case.law + (AHEAD if case.gains.get('horizon') else '')
 
 
 def ahead_table(results: Sequence[Result]) -> str:
@@ -123,27 +129,20 @@ def ahead_table(results: Sequence[Result]) -> str:
         'tasks | law | ∫‖q̈‖² | worst | peak ‖q̈‖ | within the limits without any '
         '| limits on: mean time lost [s]'
     )
-    firsts = {(each.case.limits, *_task(each)): each for each in results if each.case.law == FIRST}
+    found = [pairs(results, limited) for limited in (False, True)]
     rows = []
-    for kind, (law, horizon) in product(KINDS, ((FIRST, 0.0), (DEFAULT, 0.0), (DEFAULT, 2.0))):
-        chosen = [
-            (each, firsts[each.case.limits, *_task(each)])
-            for each in results
-            if (each.case.task, each.case.law) == (kind, law)
-            and each.case.gains.get('horizon', 0.0) == horizon
-        ]
-        free = [pair for pair in chosen if not pair[0].case.limits]
-        limited = [each for each, _ in chosen if each.case.limits]
+    for kind, name in product(KINDS, (FIRST, DEFAULT, DEFAULT + AHEAD)):
+        free, limited = ([p for p in each[name] if p[0].case.task == kind] for each in found)
         squares = ratios(free, SQUARE)
         rows.append(
             [
-                f'{len(free)} {KINDS[kind]}' if law == FIRST else '',
-                f'`{law}`' + (f', {horizon:g} s ahead' if horizon else ''),
+                f'{len(free)} {KINDS[kind]}' if name == FIRST else '',
+                f'`{name}`',
                 shown(squares),
                 f'{max(squares):.3g}',
                 shown(ratios(free, PEAK)),
                 _finished([each for each, _ in free]),
-                f'{np.mean([each.time_lost for each in limited if each.finished]):.4f}',
+                f'{np.mean([each.time_lost for each, _ in limited if each.finished]):.4f}',
             ]
         )
     return markdown(heads, rows)
@@ -156,10 +155,10 @@ def long_table(results: Sequence[Result]) -> str:
         '| closure [rad] | mean time lost [s]'
     )
     rows = []
-    for law, found in pairs(results, limited=True).items():
+    for name, found in pairs(results, limited=True).items():
         closures = [each.closure for each, _ in found if each.finished]
         cells = [
-            f'`{law}`',
+            f'`{name}`',
             _finished([each for each, _ in found]),
             *(shown(ratios(found, head)) for head in SHOWN),
             f'{np.median(closures):.2f}',
