@@ -78,7 +78,7 @@ class HeldReference:
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
         is_still = self._still >= _REST
-        is_beyond = not is_same and away > self._allowed
+        is_beyond = away > self._allowed
         goes_on = (np.abs(q - self._began) > self._explained).any()
         if self._follows and (goes_on or (is_still and is_beyond)):
             self._follows = False
