@@ -758,7 +758,7 @@ def hierarchical_qp(
     n = len(dq)
     k = len(sizes)
     components = _Components(sizes, np.empty((sizes.sum(), n)), np.empty(k), np.empty(k))
-    leading = _split(components, problem, parts)
+    leading = _split(components, problem, parts) if k else 0
     asked = np.count_nonzero(components.asked)
     own = 0
     groups = groups.copy()
