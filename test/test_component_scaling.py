@@ -55,13 +55,12 @@ class Problem:
         self.W = weight(power, 7, random)
         self.dq_free = resolve(self.J, self.dx, random.normal(size=7), self.W)
 
-    def solved(self, yielding: Yielding = RIGID, active_set=None) -> Constrained:
-        tasks = [(self.J, self.dx)]
+    def solved(self, yielding=RIGID, active_set=None, least=np.nan) -> Constrained:
         is_held = np.repeat(self.held, 3)
         correction = Correction(self.dx * is_held, is_held, np.full(6, AWAY))
-        problem = self.dq_free, self.W, tasks, self.box, [], active_set
-        components = SIZES, correction, None
-        return solve_components(problem, components, lambda: ANY, np.zeros(7), yielding)[0]
+        problem = self.dq_free, self.W, [(self.J, self.dx)], self.box, [], active_set
+        how = (SIZES, correction, None), lambda: ANY, np.zeros(7), yielding, least
+        return solve_components(problem, *how)[0]
 
     @property
     def leading(self) -> int:
@@ -178,6 +177,12 @@ def test_where_a_search_begins_has_no_say_in_where_it_ends():
         sides = np.random.default_rng(seed).integers(-1, 2, 31)  # of limits that are held
         dq = Problem(seed).solved(active_set=sides).dq
         assert dq == pytest.approx(Problem(seed).solved().dq, abs=EXACT), seed
+
+
+def test_a_component_that_is_held_counts_as_executed():
+    problem = Problem(0)
+    problem.held = [True, True]
+    assert problem.solved(least=0.0).component_scaling == (1.0, 1.0)
 
 
 def test_what_can_be_executed_as_a_whole_is():

@@ -82,17 +82,18 @@ def solve_components(
     steady_box: Callable[[], Box],
     dq_prev: JointVelocities,
     yielding: Yielding,
+    least: float = np.nan,
 ) -> tuple[Constrained, float, float]:
     """As solve_constrained() of a problem, with a scaling factor for each component of the first
-    task; and what Yielding.after() takes. The components are how many rows each has, what holds
-    them, and the scale of the rows. The steady box is that without limits on accelerations.
+    task, none below `least` (NaN: that of the whole); and what Yielding.after() takes. Components:
+    rows of each, what holds them, scale of rows. The steady box has no limits on accelerations.
     """
     sizes, correction, scale = components
     executed = np.empty(len(sizes) + 1)
     rows = *(correction or _NOTHING_HELD), _UNSCALED if scale is None else scale
     parts = np.array(sizes, np.int64), dq_prev, *rows, executed
     s = None
-    solved = solve_constrained(*problem, parts=(*parts, *yielding[1:], np.nan))
+    solved = solve_constrained(*problem, parts=(*parts, *yielding[1:], least))
     *fractions, most = executed.tolist()
     if fractions[0] != fractions[0]:  # the whole has been searched for
         s = solved.s

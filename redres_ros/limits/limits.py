@@ -96,10 +96,9 @@ class Bounds:
                 break
         parts = components or (len(levels[0][1]),), self.state.tick.correction, None
         at_dq = dq, None, levels[:1], (dq, dq), (), None
-        found, _, _ = solve_components(at_dq, parts, self._steady_box, dq, Yielding())
-        executed = found.component_scaling
-        scaling = executed if components else ()
-        return replace(solved, dq=dq, s=min(executed), component_scaling=scaling)
+        found, _, _ = solve_components(at_dq, parts, self._steady_box, dq, Yielding(), 0.0)
+        scales = found.component_scaling
+        return replace(solved, dq=dq, s=min(scales), component_scaling=scales if components else ())
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
