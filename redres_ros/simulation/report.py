@@ -123,7 +123,7 @@ def comparison_tables(
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
         if least is not None:
             gain = first - effort.squared_acceleration
-            whole[-1].append(f'{100.0 * gain / (first - least):.0f} %' if first > least else '')
+            whole[-1].append(f'{round(100.0 * gain / (first - least))} %' if first > least else '')
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     notes = ['* least', *unfinished]
     heads = ['law', *_WHOLE.values()]
