@@ -7,7 +7,7 @@ import pytest
 
 from redres_ros import make_law, resolve
 from redres_ros.errors import UnknownNameError
-from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController, step
+from redres_ros.paper.second_order import SCHEMES, Scheme, SecondOrderController
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
@@ -31,9 +31,9 @@ def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, dampi
     for state in states:
         # The tick before has executed its task: J_{k-1} dq_{k-1} = dx_{k-1}.
         J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J[:3]
-        dx_prev = J_prev @ state.dq_prev
+        ddx = (DX - J_prev @ state.dq_prev) / T  # Eq. (8)
         dq = resolve(state.J[:3], DX, law.bias(state, T), law.weight(state))
-        assert same(step(scheme, T, state, J_prev, DX, dx_prev), dq)
+        assert same(scheme.step(state, J_prev, ddx, T), dq)
 
 
 @EVERY_SCHEME

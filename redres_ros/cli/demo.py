@@ -109,9 +109,7 @@ def _end_at_once(number: int, _: object) -> NoReturn:
 
 
 def _write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
-    """Table to the terminal; summary.json, motion.csv and motion.png to the directory: after Ctrl-C
-    no picture, which takes most of the time.
-    """
+    """Print the table, and write the files; after Ctrl-C no picture, which takes longest."""
     from redres_ros.demo.outcome import summary_table
     from redres_ros.files.text import writing
     from redres_ros.simulation.report import print_tables

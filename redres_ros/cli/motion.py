@@ -124,9 +124,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
 
 
 def node_parameters(motion: _NamedMotion) -> dict[str, Any]:
-    """The parameters of the nodes; raises OptionError for a target that is open by default: ROS has
-    no parameters for such ones.
-    """
+    """The nodes' parameters. Raises OptionError for a target open by default, which no node has."""
     case = motion.case
     for gain in (*PREFERENCES.gains(), *TASKS.gains()):
         if gain.key in case.gains and gain.default == ():

@@ -70,9 +70,7 @@ def option(
     within: tuple[float, float] | None = None,
     **others: Any,
 ) -> None:
-    """Declare an option with a value, of the type of its default, which the help shows if it says
-    something; `within`: the least and the largest number allowed. Others go to add_argument.
-    """
+    """Declare an option of its default's type, `within` two values; others go to add_argument."""
     kind: Any = others.pop('type', str if default is None else type(default))
 
     def _read(text: str) -> Any:
@@ -98,9 +96,7 @@ def number_in(option: str, text: str, number: str, expected: str) -> float:
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
-    """Arm, task, law and limits: the options of every motion, with the limits that are in force by
-    default, and the laws if several are compared.
-    """
+    """The options of every motion: `limits` in force by default, `several_laws` to compare."""
     arm = parser.add_argument_group('arm and task')
     points = "the points to pass; default: rectangle, or with --robot that robot's own"
     tip = "link that carries out the task; default: the robot's own, of a file the last link"

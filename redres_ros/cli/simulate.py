@@ -130,9 +130,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _contender(case: 'Case', name: str, own: str | None) -> 'tuple[str, Case]':
-    """The case under a law, and the law's label; a gain of its own comes before the case's. Raises
-    OptionError and UnknownNameError.
-    """
+    """The label of a law, and the case under it; a gain of its own comes before the case's."""
     from redres_ros.errors import UnknownNameError
     from redres_ros.laws import LAWS
     from redres_ros.simulation.report import label

@@ -136,9 +136,7 @@ class _ForceSensor:
         self._age = 0.0  # [s], or for how long the first one has been awaited
 
     def enter(self, wrench: Wrench, frame: str = '') -> None:
-        """Record a wrench that the environment exerts, about the origin and along the axes of a
-        link; '' is the tip.
-        """
+        """Record a wrench from outside, about a link's origin and in its axes; '' is the tip."""
         if frame != self._frame:
             self._recent.clear()
             self._frame = frame
@@ -165,9 +163,7 @@ class _ForceSensor:
         return ''
 
     def at_tip(self, state: RobotState) -> Wrench | None:
-        """Force and moment about the tip in the axes of the base, of a wrench that can be used;
-        None before the first.
-        """
+        """A usable wrench about the tip in the axes of the base; None before the first one."""
         if not self._recent:
             return None
         x, R = state.pose(self._frame)
@@ -240,9 +236,7 @@ class ContactControl:
         self._toward = np.zeros(3)  # direction of a search under way, (3,)
 
     def set_settings(self, settings: AdmittanceSettings) -> None:
-        """Go over to other settings, without a jump. Raises ArrayError for some that do not suit
-        the task; the old ones then stay.
-        """
+        """Go over to other settings without a jump, or raise ArrayError and keep the old ones."""
         settings.check(len(self.settings.damping))
         if settings.enabled and not self.settings.enabled:
             self.sensor.expect()
@@ -279,9 +273,7 @@ class ContactControl:
         return dx + rate
 
     def record(self, command: Command, dx: TaskVelocity) -> None:
-        """Record what was executed of the desired velocity dx_d and of what was added to it: limits
-        may have slowed it.
-        """
+        """Record what a command executed of dx_d and of de: limits may have slowed it."""
         if not self.is_on:
             self.e = np.zeros(len(self.e))
             return
@@ -315,9 +307,7 @@ class ContactControl:
         return self._exceeds_limit() or bool((np.abs(rate) > _AT_REST).any())
 
     def _rate(self, wrench: Wrench, state: RobotState) -> TaskVelocity:
-        """de of this tick for a wrench, both in the base frame; a fade advances by one cycle, or
-        begins if other settings are asked for.
-        """
+        """de of this tick in the base frame; a fade goes on, or begins if settings have changed."""
         if self._faded >= 1.0:
             self._old = self._new
             self._new = self.settings if self.settings.enabled else None
@@ -367,9 +357,7 @@ class ContactControl:
         return velocity
 
     def _bound_search(self, rate: TaskVelocity, state: RobotState) -> None:
-        """Bound the speed in rate, and the distance, while force is asked for and nothing touches.
-        Raises ContactError if no contact was found.
-        """
+        """Bound speed and distance of a search. Raises ContactError if it found no contact."""
         desired = self.settings.rotation(state) @ np.array(self.settings.force[:3])  # (3,) [N]
         size = float(np.linalg.norm(desired))
         if size == 0.0 or float(self.force @ desired) > _TOUCHES * size**2:

@@ -147,9 +147,7 @@ class Log:
         return min((item for item in reasons if item[1]), default=(np.inf, ''))
 
     def under_way(self) -> list[int]:
-        """Stamps of the states while the planner moved and the robot took commands; those that the
-        planner missed included.
-        """
+        """Stamps of states in command mode while the planner moved, those it missed included."""
         if not self.desired:
             return []
         first = min(self.desired)

@@ -30,9 +30,7 @@ class NetworkModel(Generic[M]):
         self._overtaken: list[M] = []  # to arrive right after the next message
 
     def set_faults(self, delay: Cycles = 0, loss: float = 0.0, disorder: float = 0.0) -> None:
-        """Set the delay of every message, the probability that one is lost, and that with which
-        one arrives twice, or after the next.
-        """
+        """Set the delay, the probability of loss, and that of arriving twice or after the next."""
         self._delay = delay
         self._loss = loss
         self._disorder = disorder

@@ -99,9 +99,7 @@ def servo_model(
 
 
 def load(arm: Arm) -> mujoco.MjSpec:
-    """The arm's bodies and joints, without shapes, inertias as given but for those that no body can
-    have: MuJoCo takes the mean of their moments. Raises FileError if MuJoCo cannot read the URDF.
-    """
+    """Bodies and joints, without shapes. Raises FileError for a URDF that MuJoCo cannot read."""
     try:
         spec = mujoco.MjSpec.from_string(arm.description())
     except ValueError as error:
@@ -110,7 +108,7 @@ def load(arm: Arm) -> mujoco.MjSpec:
         spec.delete(shape)
     compiler = spec.compiler
     compiler.fusestatic = False
-    compiler.balanceinertia = True
+    compiler.balanceinertia = True  # moments that no body can have become their mean
     compiler.boundmass = 0.0
     compiler.boundinertia = 0.0
     if arm.armature:
@@ -168,9 +166,7 @@ def _normal(settings: EnvironmentSettings) -> np.ndarray:
 
 
 def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
-    """D, (n,) [kg m^2]: diag(D) - M(q) is positive semidefinite, being diagonally dominant, at all
-    of many random q.
-    """
+    """D, (n,) [kg m^2]: diag(D) - M(q) is diagonally dominant, so >= 0, at many random q."""
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
     limits = np.where(model.jnt_limited[:, None], model.jnt_range, (-np.pi, np.pi)).T

@@ -23,9 +23,7 @@ _SENSOR_BIAS = 5.0  # [N] of a faulty force sensor, along the tip's z
 
 
 class IdealPlant:
-    """An arm that reaches its reference exactly one cycle later: the paper's assumption. It does
-    not yield to forces. Raises ArrayError for a start of another length, or one not finite.
-    """
+    """The paper's ideal arm: at its reference a cycle later. Raises ArrayError for a bad start."""
 
     links: tuple[str, ...] = ()  # any may be pushed
     effort = None  # torques of the motors: unknown
@@ -109,9 +107,7 @@ class MujocoPlant:
         self.dq = data.qvel.copy()
 
     def push(self, force: Force, link: str = '') -> None:
-        """Push a link at its origin, '' for the tip, until the next call, by a force in the base
-        frame.
-        """
+        """Push a link's origin, '': the tip, by a force in the base frame until the next call."""
         data = self._data
         data.xfrc_applied[self._pushed] = 0.0
         self._pushed = body = self._model.body(link).id if link else self._tip

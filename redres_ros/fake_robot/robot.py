@@ -1,6 +1,4 @@
-"""The fake robot controller as one object: session, validator, and the reference of its servos,
-which follows the commands, or brakes, and never jumps.
-"""
+"""The fake robot controller: session, validator, and a reference that never jumps."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -28,9 +26,7 @@ class ClientCommand(NamedTuple):
 
 @dataclass(frozen=True)
 class _Course:
-    """Extrapolation through the last commands alone: with what was extrapolated before fed back, a
-    client that is always late would be unstable.
-    """
+    """Extrapolation of commands alone: fed back, it would be unstable for a client always late."""
 
     tick: int  # of the last command
     q: JointPositions  # that command
@@ -101,9 +97,7 @@ class FakeRobot:
         self.tick += 1
 
     def _receive(self, commands: tuple[ClientCommand, ...]) -> None:
-        """Count the cycle in the session and extrapolate from the commands. If the session lets
-        command mode begin, it does so as from a standstill at the last one.
-        """
+        """Count the cycle, extrapolate the commands, and begin command mode if the session does."""
         for command in commands:
             curved = self.session.profile.extrapolates_acceleration
             self._course = self._course.through(command, curved)

@@ -88,9 +88,7 @@ class Session:
         self.command_error = error
 
     def offer(self, distance: Radians) -> None:
-        """Begin command mode with a first command, if ready for one. Too large a distance from the
-        mirrored position is a reason to stop.
-        """
+        """Begin command mode with a first command, if ready; stop if it is too far away."""
         if not self.ready:
             return
         if distance <= _ENTRY_TOLERANCE:

@@ -35,9 +35,7 @@ class TimingMonitor:
         self.at_fault = 'response_rate'  # keeps it from being better; empty for the best
 
     def record(self, lateness: Cycles | None, latency: Seconds) -> None:
-        """Enter one cycle, by the lateness of its command, 0: in time, None: no command; and the
-        time from the state to the command.
-        """
+        """Enter a cycle: the lateness of its command, 0: in time, None: none, and its latency."""
         self._latenesses.append(lateness)
         if lateness is None:
             self.counts['missed'] += 1

@@ -1,6 +1,4 @@
-"""Your own laws, preferences, tasks and limits, without editing the package: from a file, or as
-entry points of an installed package.
-"""
+"""Your own laws, preferences, tasks and limits, from a file or entry points of a package."""
 
 import importlib.util
 import inspect

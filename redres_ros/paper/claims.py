@@ -1,6 +1,4 @@
-"""Every sentence of the paper on motions that can be measured: simulations (Sections
-2 to 5), experiments (Section 6), and our readings of what it leaves open. Its identities are tests.
-"""
+"""Every measurable sentence of the paper on motions, and our readings. Its identities are tests."""
 
 from typing import Any
 

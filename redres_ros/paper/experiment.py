@@ -1,6 +1,4 @@
-"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated
-arm, and what measured positions show of the motion.
-"""
+"""The paper's experiment without ROS, and what measured positions show of its motion."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from redres_ros.command import norms
+from redres_ros.geometry import from_roll_pitch_yaw
 from redres_ros.paper.experiment import (
     FINER,
     WINDOW,
@@ -96,12 +97,8 @@ def _draw_pictures(
 
 def _as_seen(points: np.ndarray) -> np.ndarray:
     """Points (N, 3) [m] as the camera sees them, to the right and upwards, (2, N)."""
-    azimuth = np.radians(_AZIMUTH)
-    elevation = np.radians(_ELEVATION)
-    right = np.array((-np.sin(azimuth), np.cos(azimuth), 0.0))
-    back = np.array((np.cos(azimuth), np.sin(azimuth), 0.0))
-    up = np.cos(elevation) * np.array((0.0, 0.0, 1.0)) - np.sin(elevation) * back
-    return np.array((right, up)) @ points.T
+    camera = from_roll_pitch_yaw(np.radians((0.0, -_ELEVATION, _AZIMUTH)))  # back, right, up
+    return camera.T[1:] @ points.T
 
 
 def _links(model: RobotModel, q: np.ndarray) -> np.ndarray:
@@ -125,9 +122,7 @@ def _draw_norms(number: int, name: str, columns: Sequence[str], runs: Runs) -> F
 def _draw_measured_norms(
     number: int, name: str, columns: Sequence[str], windows: Sequence[int], runs: Runs
 ) -> Figure:
-    """Norms of an experiment: what was measured, through filters of some windows, in front of what
-    was commanded. A finer window than the paper's shows what that one smooths away.
-    """
+    """Norms of an experiment: measured, through filters of some windows, and commanded."""
     tried = runs[name]
     figure, panels = _panels(title(number, name), len(columns), runs.task)
     styles: dict[int, dict[str, Any]] = {

@@ -54,6 +54,14 @@ class Scheme:
             ddq_N = ddq_N + self.preference.acceleration_in(state, self.metric(state))
         return SCHEMES[self.law](state, ddx - dJ_dq, ddq_N)
 
+    def step(
+        self, state: RobotState, J_prev: Jacobian, ddx: TaskAcceleration, T: Seconds
+    ) -> JointVelocities:
+        """dq_k from the state (q_k, dq_{k-1}), J_{k-1} and a task acceleration."""
+        dJ = (state.J[:3] - J_prev) / T  # Eq. (9)
+        ddq = self.acceleration(state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
+        return state.dq_prev + T * ddq  # Eq. (13)
+
     def metric(self, state: RobotState) -> Weight:
         """W, in which the scheme chooses among the ddq; None for the identity."""
         return LAWS[self.law]().weight(state)
@@ -93,12 +101,10 @@ def _dynamically_consistent(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarr
 
 
 def _minimum_torque(state: RobotState, Jddq: np.ndarray, ddq_N: np.ndarray) -> np.ndarray:
-    """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1,
-    (A.13) with y = tau.
+    """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1.
 
-    This is what the law's bias stands for: with T ddq = dq_k - dq_{k-1} and b = (1 - k_d T)
-    dq_{k-1} - T M^-1 n, Eq. (6) gives M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that |dq_k - b|
-    in the norm of M^2 is T |tau - tau_N|.
+    With b = (1 - k_d T) dq_{k-1} - T M^-1 n, Eq. (6) gives M (dq_k - b) = T (tau - tau_N): the law
+    has the least |dq_k - b| in the norm of M^2.
     """
     A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
     A_pinv = _pseudoinverse(A)
@@ -130,9 +136,7 @@ SCHEMES: dict[str, Callable[[RobotState, np.ndarray, np.ndarray], np.ndarray]] =
 
 
 class SecondOrderController:
-    """Turns task velocities into joint velocities by a scheme of second order, sampled and
-    integrated. Used like a Controller for a position task; before the first update all is at rest.
-    """
+    """A scheme, sampled and integrated, used like a Controller of a position; at rest at first."""
 
     horizon: Seconds = 0.0
 
@@ -151,7 +155,8 @@ class SecondOrderController:
         last = self._last
         state = self.model.state(q, np.zeros(self.model.n) if last is None else last.dq)
         J_prev = state.J[:3] if last is None else last.state.J[:3]
-        dq = step(self._scheme, self.T, state, J_prev, dx, self._dx_prev)
+        ddx = (dx - self._dx_prev) / self.T  # Eq. (8)
+        dq = self._scheme.step(state, J_prev, ddx, self.T)
         if norm(dq) > SPEED_LIMIT:
             raise DivergedError(norm(dq), SPEED_LIMIT, 'the scheme')
         q_ref = (state.q if last is None else last.q_ref) + self.T * dq  # footnote 1
@@ -159,18 +164,3 @@ class SecondOrderController:
         self._last = Command(Solution(dq, state.J[:3], dx, W=W), q_ref, state, self.T)
         self._dx_prev = dx
         return self._last
-
-
-def step(
-    scheme: Scheme,
-    T: Seconds,
-    state: RobotState,
-    J_prev: Jacobian,
-    dx: TaskVelocity,
-    dx_prev: TaskVelocity,
-) -> JointVelocities:
-    """dq_k by a scheme, from the state (q_k, dq_{k-1}), J_{k-1}, dx_k and dx_{k-1}."""
-    ddx = (dx - dx_prev) / T  # Eq. (8)
-    dJ = (state.J[:3] - J_prev) / T  # Eq. (9)
-    ddq = scheme.acceleration(state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
-    return state.dq_prev + T * ddq  # Eq. (13)

@@ -1,6 +1,4 @@
-"""The preferences, auxiliary joint accelerations ddq_N of Eq. (19): joint positions, the arm's
-shape, and what pushes it.
-"""
+"""The preferences: auxiliary joint accelerations ddq_N of Eq. (19)."""
 
 import math
 from abc import ABC, abstractmethod

@@ -63,9 +63,7 @@ class SnapshotNode(GraphMonitor):
         self.samples.add(DESCRIPTION, String, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
-        """A snapshot over that time [s], longer while states or a controller are missing; the node
-        must be spun elsewhere.
-        """
+        """A snapshot over some seconds, more if nodes are missing; the node is spun elsewhere."""
         seen = GraphSnapshot()
         self._collect(seen, seconds)
         if not (seen.states and self._count(CONTROLLER)):

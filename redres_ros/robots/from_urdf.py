@@ -142,15 +142,13 @@ def _start(kinematics: Kinematics) -> tuple[JointPositions, float]:
 
 
 def _conditioning(kinematics: Kinematics, jacobians: np.ndarray) -> np.ndarray:
-    """Smallest singular value of Jacobians (N, 6, n) over the largest of all, (N,); of the position
-    alone for few joints, and without directions in which the arm cannot move at all.
-    """
+    """Smallest singular value (N,) of Jacobians (N, 6, n) over the largest of all."""
     reach = np.linalg.norm(kinematics.offsets, axis=1).sum()
     scaled = jacobians / np.repeat((reach, 1.0), 3)[:, None]  # no units
-    rows = 6 if kinematics.n >= 6 else 3
+    rows = 6 if kinematics.n >= 6 else 3  # of the position alone for few joints
     values = np.linalg.svd(scaled[:, :rows], compute_uv=False)  # (N, k), descending
     largest = values[:, 0].max()
-    rank = np.count_nonzero(values.max(axis=0) > 1e-6 * largest)
+    rank = np.count_nonzero(values.max(axis=0) > 1e-6 * largest)  # of how the arm can move at all
     return values[:, rank - 1] / largest
 
 

@@ -140,9 +140,7 @@ class Bodies(NamedTuple):
 
     @classmethod
     def along(cls, kinematics: Kinematics, radius: tuple[float, ...]) -> 'Bodies':
-        """The bodies of an arm; radius of the base and of each link, (n + 1,) [m], 0 for one
-        without a body; empty: 0.06 of all. Raises ArrayError for radii of other links.
-        """
+        """The bodies of an arm, by its `body_radius`. Raises ArrayError for that of other links."""
         number = kinematics.n + 1
         radius = radius or (_DEFAULT_RADIUS,) * number
         if len(radius) != number:
@@ -162,9 +160,7 @@ class Bodies(NamedTuple):
         return cls(tuple(links[index] for index in chosen), chosen, ends, thickness[chosen])
 
     def pairs(self, apart: Meters) -> np.ndarray:
-        """The pairs of bodies that may collide, (P, 2) of int64: those whose surfaces the straight
-        arm keeps farther apart than `apart`. Others touch at a joint, or nearly.
-        """
+        """Pairs that may collide, (P, 2) of int64: on the straight arm more than `apart` apart."""
         length = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
         pairs = [
             (i, j)

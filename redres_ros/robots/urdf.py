@@ -112,9 +112,7 @@ class Urdf:
     def _numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str
     ) -> np.ndarray:
-        """An attribute's numbers, as many as in the default, of an element that may be missing.
-        Raises FileError, which names the owner, for another number of them, and for one too large.
-        """
+        """As many numbers as the default, of an element that may be missing. Raises FileError."""
         text = default if element is None else element.get(attribute, default)
         expected = len(default.split())
         try:
@@ -272,9 +270,7 @@ def _check_inertia(urdf: Urdf, owner: str, inertial: ET.Element) -> None:
 
 
 def make_cylinders(urdf: Urdf, links: Mapping[str, float]) -> None:
-    """Make links solid cylinders along z, by the length [m] of each (Section 5.2); joint friction
-    is removed too.
-    """
+    """Make links cylinders as in Section 5.2, by the length [m] of each, without joint friction."""
     for joint in urdf.joints:
         for dynamics in joint.element.findall('dynamics'):
             joint.element.remove(dynamics)

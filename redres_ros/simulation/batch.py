@@ -1,6 +1,4 @@
-"""Many motions at once, on all processors of this computer or wherever an executor runs them. A
-case is plain data.
-"""
+"""Many motions at once, on all processors or by any executor. A case is plain data."""
 
 import gc
 import multiprocessing

@@ -31,7 +31,5 @@ _OTHER_LAW = '#525252'  # of plugins
 
 
 def law_colour(name: str) -> str:
-    """The colour of a law, as '#rrggbb'; what follows a comma in its name, such as its damping,
-    makes no difference.
-    """
+    """The colour of a law, as '#rrggbb'; what follows a comma in its name makes no difference."""
     return _LAW_COLOURS.get(name.partition(',')[0], _OTHER_LAW)

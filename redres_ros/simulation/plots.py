@@ -1,6 +1,4 @@
-"""Pictures of motions: norms over time, fractions of the limits, and paths in space. Draws to
-files, without a display.
-"""
+"""Pictures of motions: norms over time, and paths in space. Draws to files, without a display."""
 
 import textwrap
 from collections.abc import Mapping
@@ -140,9 +138,7 @@ def draw_motion(
 
 
 def draw_contact(forces: np.ndarray, recording: Recording, model: RobotModel, title: str) -> Figure:
-    """The force on the tip, and how far tip and elbow moved. `forces` (N, 4) has times [s], and
-    forces of the environment on the tip [N].
-    """
+    """Force on the tip, and its and the elbow's path; `forces` (N, 4) are times [s], forces [N]."""
     figure, (force, distance) = time_panels(2, _in_symbols(title), (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')
     force.set_ylabel('force on the tip [N]')
@@ -195,9 +191,7 @@ def _draw_errors(ax: Axes, recording: Recording) -> None:
 
 
 def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
-    """The path of the tip in black and of the elbow in blue, with the task's points in red, in
-    three dimensions. The start is a filled circle.
-    """
+    """Paths of tip (black) and elbow (blue), which begin at a dot, and the task's points (red)."""
     postures = recording.vectors('q1')[::10]
     elbow = np.array([model.position(q, model.arm.elbow_frame) for q in postures])
     tip = recording.vectors('x')

@@ -25,9 +25,7 @@ _Postures = list[JointPositions]
 
 
 def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A random task of a kind in RANDOM_TASKS for an arm and its name: where the tip is in random
-    postures.
-    """
+    """A task of a kind in RANDOM_TASKS for an arm and its name: the tip in random postures."""
     make, segment_time = RANDOM_TASKS[kind]
     postures = make(model, np.random.default_rng(seed))
     points = np.array([model.tip(q)[0] for q in postures])

@@ -1,6 +1,4 @@
-"""A motion as a table, the same whether it was simulated or recorded from the nodes: one row a
-tick; and what it demands of the arm.
-"""
+"""A motion as a table of one row a tick, simulated or recorded, and what it demands of the arm."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +17,7 @@ _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:
-    """Column names, for n joints; positions [rad], velocities [rad/s], lengths [m], torque [Nm],
-    time [s].
-    """
+    """Column names for n joints; figures are in s, rad, m and Nm."""
     joints = range(1, n + 1)
     q = [f'q{i}' for i in joints]
     dq = [f'dq{i}' for i in joints]
@@ -47,19 +43,17 @@ class MotionRecorder:
         x = reference.x_d - reference.error
         figures = [figure(command) for figure in _FIGURES]
         vectors = np.concatenate((command.state.q, command.dq, x, reference.x_d)).tolist()
-        self._rows.append((t, *vectors, *errors, *figures, scaling, reference.segment))
+        row = (t, *vectors, *errors, *figures, np.nan, scaling, reference.segment)
+        self._rows.append(row)  # recording() fills in what is nan
         self._jacobians.append(command.J)
 
     def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
         """The motion so far, and how it ended, in words."""
         names = columns(self._n, self._pose)
-        at = names.index(_SINGULAR)
-        data = np.array(self._rows).reshape(-1, len(names) - 1)
+        data = np.array(self._rows).reshape(-1, len(names))
         if self._jacobians:  # all at once takes a third of the time
-            values = np.linalg.svd(self._jacobians, compute_uv=False)[:, -1]
-            data = np.insert(data, at, values, axis=1)
-        else:
-            data = np.empty((0, len(names)))
+            sigma = np.linalg.svd(self._jacobians, compute_uv=False)  # (ticks, m)
+            data[:, names.index(_SINGULAR)] = sigma[:, -1]
         return Recording(data, self._n, self._T, finished, ending, self._pose)
 
 
@@ -83,9 +77,7 @@ class Recording:
         return self.data[:, self._columns.index(name)]
 
     def vectors(self, first: str) -> np.ndarray:
-        """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d'
-        give (ticks, 3).
-        """
+        """A vector by its first column: 'q1' or 'dq1' give (ticks, n), 'x' or 'x_d' (ticks, 3)."""
         start = self._columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
@@ -95,9 +87,7 @@ class Recording:
         return float(self[name][at]), float(self['t'][at])
 
     def write_csv(self, path: Path) -> None:
-        """All rows with a heading, at full precision: reading them back gives the same bits. Raises
-        FileError.
-        """
+        """Write all rows at full precision: reading gives the same bits. Raises FileError."""
         heading = ','.join(self._columns)
         with writing(path):
             np.savetxt(path, self.data, '%.17g', delimiter=',', header=heading, comments='')
@@ -120,9 +110,7 @@ class Effort:
 
     @classmethod
     def of(cls, recording: Recording, model: RobotModel, *, torque: bool = False) -> 'Effort':
-        """The effort of a motion of at least one tick, which began at rest; with `torque` a torque
-        beyond its limit counts as a violation, too.
-        """
+        """The effort of a motion from rest, of at least a tick; `torque`: judge torques, too."""
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')

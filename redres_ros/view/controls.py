@@ -19,9 +19,7 @@ _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
 
 
 class Bindings:
-    """Binds elements of the page to parameters and services of the nodes; `values` are the present
-    parameters, by node and name.
-    """
+    """Binds inputs of the page to the nodes; `values` are their parameters, by node and name."""
 
     def __init__(self, client: GraphClient, values: Mapping[str, Mapping[str, Any]]) -> None:
         self.client = client

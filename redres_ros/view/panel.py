@@ -28,9 +28,7 @@ _UNDER_WAY = {each.value for each in UNDER_WAY}
 
 
 def state_text(words: Mapping[str, str], health: Mapping[str, NodeHealth], progress: float) -> str:
-    """Session, planner and controller as HTML, and why the robot has stopped, if it has; words by
-    topic, and the progress of a goal, 0 to 1, while it is under way.
-    """
+    """Session, task, controller and any stop as HTML; words by topic, progress from 0 to 1."""
     lines = []
     if words[REASON]:
         reason = _escaped(words[REASON])

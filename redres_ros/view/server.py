@@ -103,9 +103,7 @@ def open_server(port: int, label: str, teleop: _Handler) -> viser.ViserServer:
 
 
 def _respond(respond: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
-    """viser's response to a request, with our title and script in the page, or a refusal; None goes
-    on to a websocket.
-    """
+    """viser's response with our title and script in the page; or a refusal; None: a websocket."""
     headers = request.headers
     hosts = headers.get_all('Host')
     port = connection.local_address[1]
@@ -125,9 +123,7 @@ def _respond(respond: Callable[[Any, Any], Any], connection: Any, request: Any) 
 
 
 def _refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
-    """Why a request with these Host and Origin headers is refused; empty if it is not. It steers if
-    it asks for the connection by which a page steers.
-    """
+    """Why such Host and Origin headers are refused; empty if not. `steers`: it asks to steer."""
     if len(hosts) != 1 or hosts[0] not in (f'{ADDRESS}:{port}', f'localhost:{port}'):
         return 'This page is served to this computer alone, under its own address.'
     if steers and len(origins) != 1:

@@ -40,9 +40,7 @@ class DeadManSwitch:
         self._beat: _Beat | None = None
 
     def press(self, who: object, direction: np.ndarray, now: Seconds) -> bool:
-        """Hold the switch; whether nobody else does. The direction (6,) is of fractions -1 to 1 of
-        the speeds.
-        """
+        """Whether the switch could be taken; the direction (6,) is in fractions of the speeds."""
         beat = self._beat
         if beat is not None and beat.who is not who and now - beat.at < _TIMEOUT:
             return False
