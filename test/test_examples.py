@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -109,20 +108,17 @@ def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str, tmp_path: Pat
             [sys.executable, str(EXAMPLES / f'{name}.py')], stderr=subprocess.PIPE, text=True
         ) as process,
     ):
-        deadline = time.monotonic() + 60.0
-        while not has_handler_of_sigterm(process.pid):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        from graph_helpers import await_that
+
+        await_that(lambda: has_handler_of_sigterm(process.pid), 'a handler')
         process.terminate()
-        _, complaint = process.communicate(timeout=60.0)
-    assert 'Traceback' not in complaint
+        assert 'Traceback' not in process.communicate(timeout=60.0)[1]
 
 
 def has_handler_of_sigterm(pid: int) -> bool:
     """Whether a process has asked the kernel for the signal."""
-    status = Path(f'/proc/{pid}/status').read_text()
-    caught = int(re.search(r'SigCgt:\s*(\w+)', status)[1], 16)
-    return bool(caught >> (signal.SIGTERM - 1) & 1)
+    caught = re.search(r'SigCgt:\s*(\w+)', Path(f'/proc/{pid}/status').read_text())
+    return bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
 def test_the_notebook_runs_and_prints_what_it_says_that_it_prints() -> None:

@@ -82,6 +82,13 @@ class _Search(NamedTuple):
     n: int  # z = (dq, s, slack variables), where dq is (n,)
 
 
+@part
+def _copy(values: np.ndarray, row: np.ndarray) -> None:
+    """Begin a row with these values. With row[:n] = values numba compiles texts of errors, too."""
+    for j in range(len(values)):
+        row[j] = values[j]
+
+
 @inlined
 def _dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
     """The first d elements of row i of A (m, d) times those of x (d,)."""
@@ -532,11 +539,10 @@ def _begin_at(problem: tuple[Any, ...], most: int, own: int, held: np.ndarray) -
         marks[_STATE, n] = _FIXED
     marks[_SIDE, n] = 1
     for r in range(len(C)):
-        rows[n + 1 + r, :n] = C[r]
+        _copy(C[r], rows[n + 1 + r])
         _limit(search, n + 1 + r, low[r], high[r])
     for r in range(tasks[0] if own else 0, len(J)):
-        for j in range(n):
-            rows[limits + r, j] = J[r, j]
+        _copy(J[r], rows[limits + r])
         if r < tasks[0]:  # J dq - s dx = 0 of the first task, J dq = dx of others
             rows[limits + r, n] = -dx[r]
         else:
@@ -582,7 +588,8 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
     _, _, J, dx, _, _, _, _, _, _ = problem
     sizes, dq_prev, correction, is_held, _, scale, _, _, _, _ = parts
     rates = components.rates
-    rates[:] = J[: len(rates)]
+    for r in range(len(rates)):
+        _copy(J[r], rates[r])
     noise = _NOTHING * np.sqrt(np.sum(dx[: len(rates)] ** 2))
     leading = 0
     most = 0.0
@@ -591,7 +598,7 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
         end = begin + size
         velocity = dx[begin:end].copy()
         if is_held[begin]:
-            velocity[:] = scale[begin] * correction[begin:end]
+            velocity = scale[begin] * correction[begin:end]
         speed = np.sqrt(np.sum(velocity**2))
         if speed > 0.0:
             velocity /= speed
@@ -631,7 +638,6 @@ def _enter(search: _Search, components: _Components, leading: int, parts: tuple[
     sizes, rates, speeds, asked = components
     rows = search.rows
     desired = search.values[_DESIRED]
-    n = search.n
     stuck = weight * sliding
     size = sizes[leading]
     first = sizes[:leading].sum()  # the row of the leading one
@@ -640,7 +646,7 @@ def _enter(search: _Search, components: _Components, leading: int, parts: tuple[
     least = 0.0 if np.isnan(s) else s
     i = search.marks[_COUNT, _NAMED]
     level = i + len(rates) + size - 1
-    rows[level, :n] = rates[first]
+    _copy(rates[first], rows[level])
     desired[level] = most * speeds[leading]
     for c in range(len(sizes)):
         if c == leading:
@@ -655,20 +661,20 @@ def _enter(search: _Search, components: _Components, leading: int, parts: tuple[
             lowest = min(lowest, -_CREEP[1] * stuck * spread)
         for r in range(sizes[c]):
             level += 1
-            rows[i, :n] = rates[row + r]
-            rows[level, :n] = rates[row + r]
+            _copy(rates[row + r], rows[i])
+            _copy(rates[row + r], rows[level])
             desired[level] = speeds[c] if r == 0 else 0.0
             _limit(search, i, lowest if r == 0 else -wide, desired[level] + wide)
             i += 1
     creep = _CREEP[0] * stuck * speeds[leading]
-    rows[i, :n] = rates[first]
+    _copy(rates[first], rows[i])
     _limit(search, i, least * speeds[leading] - creep, most * speeds[leading])
     slope = np.tan(tolerance) / np.sqrt(max(size - 1.0, 1.0))
     for r in range(1, size):  # a pyramid
-        rows[level + r, :n] = rates[first + r]
+        _copy(rates[first + r], rows[level + r])
         for side in (1.0, -1.0):
             i += 1
-            rows[i, :n] = side * rates[first + r] - slope * rates[first]
+            _copy(side * rates[first + r] - slope * rates[first], rows[i])
             _limit(search, i, -np.inf, creep)
     return most
 
@@ -683,7 +689,7 @@ def _resume(search: _Search, end: int, held: np.ndarray, dq: np.ndarray) -> None
     marks = search.marks
     d = search.n + 1
     begin = marks[_COUNT, _NAMED]
-    p[:] = search.z
+    _copy(search.z, p)
     for i in range(search.n):
         if marks[_STATE, i] == _FREE:
             p[i] = min(max(dq[i], values[_LOWER, i]), values[_UPPER, i])
@@ -708,7 +714,7 @@ def _resume(search: _Search, end: int, held: np.ndarray, dq: np.ndarray) -> None
         if not is_inside or marks[_STATE, i] == _LATER:
             marks[_STATE, i] = _FREE if is_inside else _LATER
     if is_inside:
-        search.z[:] = p
+        _copy(p, search.z)
     else:
         _build_basis(search)
 
