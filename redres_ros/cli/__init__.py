@@ -34,8 +34,7 @@ _GONE = {  # commands and options of earlier versions, and what to write instead
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand, by default that of this process; every error becomes one line.
 
-    Returns 0 if it did what it was asked to do, 1 if not, 2 for a wrong command line, and 130 after
-    Ctrl-C.
+    Returns 0 if it did as it was asked, 1 if not, 2 for a wrong command line, 130 after Ctrl-C.
     """
     try:
         from redres_ros.files.processes import open_error_output

@@ -58,11 +58,10 @@ class _NamedMotion(NamedTuple):
 
 
 def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotion:
-    """The motion under the first of some laws, where the others are in use, too; the paper's if
-    neither a task nor a robot is named.
+    """The motion under the first of some laws in use; the paper's without a task and a robot.
 
-    Raises RedresError for a name that is in no table, a file that cannot be used, a task and a
-    robot that do not go together, or a gain of what is not in use.
+    Raises RedresError for an unknown name, a file that cannot be used, a task and a robot that do
+    not go together, or a gain of what is not in use.
     """
     name = options.task or ('' if options.robot else 'rectangle')
     robot = options.robot or load_task(name).robot

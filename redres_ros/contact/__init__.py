@@ -173,10 +173,7 @@ class _ForceSensor:
         return np.concatenate((force, moment))
 
     def tare(self) -> None:
-        """Take what is measured now for the sensor's bias: the arm is at rest and touches nothing.
-
-        Raises ContactError for a wrench that cannot be used.
-        """
+        """Take what is measured now, at rest without contact, for the bias. Raises ContactError."""
         if self.problem:
             raise ContactError(self.problem)
         if len(self._recent) < _FEWEST:

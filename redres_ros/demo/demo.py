@@ -72,8 +72,7 @@ class Demo:
         return f'{law} at {self.parameters["rate"]:g} Hz, limits: {limits}'
 
     def run(self, progress: Callable[[float], None]) -> None:
-        """Run from the start of the processes to their end; Ctrl-C ends it early. `progress` is
-        called with the fraction done, 0 to 1.
+        """Run the processes until their end or Ctrl-C; `progress` receives the fraction done.
 
         Raises GraphError, CallError if a node does not run, respond, or take a command.
         """

@@ -154,8 +154,7 @@ class MujocoPlant:
 
 
 class FaultyPlant:
-    """A plant as its faulty sensors show it; without faults exactly the plant itself. Raises as
-    `check`.
+    """A plant as its faulty sensors show it, without faults exactly. Raises as `check`.
 
     The noise of the encoders is the same for the same seed. The velocities of encoders at fault are
     differences of their positions. Other faults act from the next cycle on.

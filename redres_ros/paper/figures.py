@@ -223,10 +223,7 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
 
 
 def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[int, Path]:
-    """Write every figure as out/figure_NN.png, on all processors; the files by number.
-
-    Raises RedresError if a file cannot be written; progress receives the completed fraction.
-    """
+    """Write each figure as out/figure_NN.png; the files by number. Raises RedresError."""
     files = {number: out / f'figure_{number:02d}.png' for number in FIGURES}
     in_parallel(lambda number: save(FIGURES[number](runs), files[number]), list(FIGURES), progress)
     return files

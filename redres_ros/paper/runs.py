@@ -28,10 +28,7 @@ _SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as t
 
 
 class Runs(dict[Any, Any]):
-    """Results by the names of MOTIONS; each is computed when first asked for, and kept.
-
-    The tasks are the paper's unless others are given.
-    """
+    """Results by the names of MOTIONS; each is computed when first asked for, and kept."""
 
     def __init__(
         self, task: WaypointTask | None = None, reversed_task: WaypointTask | None = None

@@ -41,10 +41,7 @@ class Kinematics:
     """
 
     def __init__(self, description: str, tip_frame: str, source: str) -> None:
-        """That of a URDF's text as `Arm.description` gives it; `source` names it in errors.
-
-        Raises FileError if Pinocchio cannot use it.
-        """
+        """That of a URDF's text from `Arm.description`. Raises FileError, which names `source`."""
         try:
             model = pin.buildModelFromXML(description)
         except ValueError as error:

@@ -127,8 +127,7 @@ def find_arm(name: str, **changes: object) -> Arm:
 def choose_arm(
     robot: str, tip_frame: str = '', elbow_frame: str = '', others: tuple[str, ...] = ()
 ) -> Arm:
-    """The arm of a name in the table, or of the path of a .urdf file; what is empty is
-    the arm's own, or that which `arm_from_urdf` chooses.
+    """The arm of a name or a .urdf file; what is empty is its own, or as `arm_from_urdf` chooses.
 
     Raises UnknownNameError, which lists `others` that the caller takes, too, and FileError.
     """

@@ -37,8 +37,7 @@ _shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker
 class Case:
     """One motion as plain data: what `Controller` takes, by names and gains, and the task.
 
-    Raises RedresError for a seed that is none. Other values are checked when the controller is
-    made.
+    Raises RedresError for a seed that is none. The controller checks other values.
     """
 
     robot: str = 'lwr4_paper'  # an arm's name, or the path of a URDF, whose text workers get

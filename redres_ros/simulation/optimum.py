@@ -1,6 +1,7 @@
 """The best motion along the path of a task, found by who knows all of it."""
 
 from collections.abc import Iterable
+from operator import itemgetter
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def best_motion(
     turned = np.concatenate([pose.rotations for pose in poses]).reshape(-1, 3, 3)
     finished = [each for each in recordings if each.finished]
     finished.sort(key=lambda each: float(np.sum(each['joint_acceleration_norm'] ** 2)))
-    best = None
+    found = []
     for recording in finished[:_STARTS]:
         motion = recording.vectors('q1')
         nodes = np.array([np.interp(times, recording['t'], q) for q in motion.T]).T.copy()
@@ -46,6 +47,5 @@ def best_motion(
         q = np.vstack((motion[0], nodes))
         dq = np.diff(q, axis=0, prepend=q[:1]) / T
         effort = float((np.diff(dq, axis=0) ** 2).sum() / T)
-        if best is None or effort < best[0]:
-            best = effort, q, T
-    return best
+        found.append((effort, q, T))
+    return min(found, key=itemgetter(0), default=None)

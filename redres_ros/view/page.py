@@ -37,10 +37,7 @@ _WALLS = ('limits', 'scene.')  # parameters of what is drawn
 
 
 class _Page:
-    """A page of one graph, on a server that is still empty.
-
-    Raises RedresError for an arm or a task that is not known here.
-    """
+    """A page of one graph, on an empty server. Raises RedresError for an unknown arm or task."""
 
     def __init__(
         self,

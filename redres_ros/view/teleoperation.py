@@ -59,14 +59,11 @@ class DeadManSwitch:
 
 
 class Teleoperation:
-    """Publishes `cartesian_velocity` while a browser asks for one, and zeros for a moment after.
-
-    The velocity has 3 or 6 rows, as the task.
-    """
+    """Publishes `cartesian_velocity` while a browser asks for one, and zeros for a moment after."""
 
     def __init__(self, node: Node, rows: int) -> None:
         self._node = node
-        self._rows = rows
+        self._rows = rows  # 3 or 6, as the task
         self._switch = DeadManSwitch()
         # Made for the first motion: `redres check` remarks on several publishers of the topic.
         self._publisher: Publisher | None = None
@@ -122,10 +119,7 @@ class Teleoperation:
 
 
 def _read_beat(message: str | bytes) -> np.ndarray | None:
-    """The direction in a message of the page's script; None if the switch was let go.
-
-    Raises ValueError for any other message.
-    """
+    """The direction in a message; None: the switch was let go. Raises ValueError for any other."""
     values = json.loads(message[:_LONGEST])
     if values is None:
         return None
