@@ -15,7 +15,7 @@ from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.limits import make_limits
 from redres_ros.limits.distance import CollisionLimit, DistanceLimit, WorkspaceLimit
 from redres_ros.robots import ARMS, Arm
-from redres_ros.scene import OBSTACLES, WALLS, read_shapes
+from redres_ros.robots.scene import OBSTACLES, WALLS, read_shapes
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')

@@ -15,7 +15,7 @@ LAYERS = (
     {'types'},
     {'files'},
     {'kernels'},
-    {'geometry', 'scene'},
+    {'geometry'},
     {'parameter', 'robots', 'preview'},
     {'resolution', 'robot_model'},
     {'solver'},

@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.nodes.markers import show_obstacles, show_traces
 from redres_ros.nodes.topics import Telemetry
-from redres_ros.scene import touched
+from redres_ros.robots.scene import touched
 
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])
 

@@ -16,7 +16,7 @@ from redres_ros.limits.joint import BrakingLimit
 from redres_ros.limits.limit import ReferenceState
 from redres_ros.parameter import param
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.scene import OBSTACLES, WALLS, Shape, read_shapes
+from redres_ros.robots.scene import OBSTACLES, WALLS, Shape, read_shapes
 from redres_ros.solver import Rows
 from redres_ros.types import JointPositions, JointVelocities, Meters, Seconds
 

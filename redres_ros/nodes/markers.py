@@ -11,7 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.nodes.topics import PUBLISH, STEADY
-from redres_ros.scene import SPHERE, DrawnShape, shapes_of
+from redres_ros.robots.scene import SPHERE, DrawnShape, shapes_of
 from redres_ros.types import Points, Position, Seconds
 
 _TRACES_EVERY = 0.1  # [s]

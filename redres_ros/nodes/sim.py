@@ -45,7 +45,7 @@ from redres_ros.nodes.topics import (
 )
 from redres_ros.parameter import param
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.scene import touched
+from redres_ros.robots.scene import touched
 from redres_ros.types import Nanoseconds, Seconds
 
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the

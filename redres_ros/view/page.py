@@ -20,7 +20,7 @@ from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.nodes.topics import ACTIVE_LIMITS, PROGRESS
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import task_for
-from redres_ros.scene import shapes_of, touched
+from redres_ros.robots.scene import shapes_of, touched
 from redres_ros.view.controls import Bindings, add_controls
 from redres_ros.view.panel import Plots, joint_bars, state_text
 from redres_ros.view.scene import ArmScene

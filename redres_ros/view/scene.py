@@ -12,7 +12,7 @@ from redres_ros.geometry import to_quaternion
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE
-from redres_ros.scene import SPHERE, DrawnShape
+from redres_ros.robots.scene import SPHERE, DrawnShape
 from redres_ros.types import JointPositions
 
 _BLACK = (30, 30, 34)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros.errors import ArrayError
 from redres_ros.types import Meters, Position, Quaternion
@@ -123,9 +124,6 @@ def _drawn(shape: Shape) -> DrawnShape:
 
 def _plate(normal: np.ndarray, centre: np.ndarray) -> DrawnShape:
     """A plate at a centre (3,) [m] that is turned from z to a normal (3,) of any length."""
-    n = normal / np.linalg.norm(normal)
-    half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
-    if half[3] < 1e-9:
-        half = np.array((1.0, 0.0, 0.0, 0.0))
+    turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), normal)
     size = np.array((_PLANE, _PLANE, _THICKNESS))
-    return DrawnShape(BOX, centre, size, quaternion=half / np.linalg.norm(half))
+    return DrawnShape(BOX, centre, size, quaternion=turn.coeffs())
