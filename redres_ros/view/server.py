@@ -123,7 +123,7 @@ def _respond(respond: Callable[[Any, Any], Any], connection: Any, request: Any) 
 
 
 def _refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
-    """Why such Host and Origin headers are refused; empty if not. `steers`: it asks to steer."""
+    """Why these Host and Origin headers are refused, or ''; `steers`: of a socket that steers."""
     if len(hosts) != 1 or hosts[0] not in (f'{ADDRESS}:{port}', f'localhost:{port}'):
         return 'This page is served to this computer alone, under its own address.'
     if steers and len(origins) != 1:
