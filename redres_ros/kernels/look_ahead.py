@@ -370,6 +370,14 @@ def _roll_out(
     _shift(nodes, elapsed / h, h * u)
 
 
+@part
+def _copy(values: np.ndarray, out: np.ndarray) -> None:
+    """Copy a matrix. For out[:] = values numba would compile the texts of errors, too."""
+    for j in range(len(values)):
+        for k in range(values.shape[1]):
+            out[j, k] = values[j, k]
+
+
 @inlined
 def _shift(nodes: np.ndarray, steps: float, last: np.ndarray) -> None:
     """Move each node towards the next one by a fraction of a step, the last one by `last`."""
@@ -422,7 +430,8 @@ def _guess(
 ) -> None:
     """Write nodes along the path, each near the one before, and linearise."""
     for j in range(len(nodes)):
-        nodes[j] = q if j == 0 else nodes[j - 1]
+        for k in range(len(q)):
+            nodes[j, k] = q[k] if j == 0 else nodes[j - 1, k]
         there = path[0][j : j + 1], path[1][j : j + 1]
         _approach_path(nodes[j : j + 1], there, _GUESSES, _SINGULAR, chain, A, e)
     _linearise(nodes, path, chain, A, e)
@@ -469,7 +478,7 @@ def _next_nodes(
         _linearise(kept, path, chain, A[:0], kept_e)
         merit = _merit(q, v, kept, kept_e, problem) * (1.0 + _ROUNDING)
         if after > merit:
-            nodes[:] = kept
+            _copy(kept, nodes)
             _linearise(nodes, path, chain, A, e)
             after = merit
             factor = _SLOWER
@@ -480,8 +489,8 @@ def _next_nodes(
         _guess(q, path, chain, other, A, other_e)
         merit = _merit(q, v, other, other_e, problem)
         if merit < after:
-            nodes[:] = other
-            e[:] = other_e
+            _copy(other, nodes)
+            _copy(other_e, e)
             return _LEAST_TRUST, merit
         _linearise(nodes, path, chain, A, e)
     return min(max(trust, _LEAST_TRUST), _MOST_TRUST), after
@@ -611,7 +620,7 @@ def improve_motion(
         after = _merit(q, v, other, e, problem)
         if after < merit:
             stalled = stalled + 1 if after > (1.0 - _STALLED) * merit else 0
-            nodes[:] = other
+            _copy(other, nodes)
             merit = after
             trust = max(trust / 5.0, 1e-8)
         else:
