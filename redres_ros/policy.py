@@ -117,7 +117,7 @@ class Policy:
         braking = self.limits.braking_limit
         if braking is not None:
             rows = slice(None)
-            if components:
+            if components and (state.tick.correction is None or self.limits.yielding.weight > 0.0):
                 first = self._first_component(_asked(free.desired, state), state)
                 # A held orientation gives way; a held position must not pull the arm past its end.
                 rows = first if first.start == 0 else rows

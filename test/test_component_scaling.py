@@ -197,7 +197,7 @@ def test_what_can_be_executed_as_a_whole_is():
             assert solved.component_scaling == (1.0, 1.0)
 
 
-def steered(q, velocity, ticks, task='pose'):
+def steered(q, velocity, ticks, task='pose', correction=None):
     """Where the tip of an FR3 is after some ticks of a task velocity by its position and
     orientation.
     """
@@ -205,7 +205,7 @@ def steered(q, velocity, ticks, task='pose'):
         FR3, 'minimum_acceleration', T, task=task, limits=BOX, scaling='components'
     )
     for _ in range(ticks):
-        q = controller.update(q, velocity(*FR3.tip(q))).q_ref
+        q = controller.update(q, velocity(*FR3.tip(q)), correction=correction).q_ref
     return FR3.tip(q)
 
 
@@ -241,6 +241,15 @@ def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(task, q
     v = np.array(dx[:3])
     end, _ = steered(q, lambda *_: np.array(dx), 500, task)
     assert (end - begin) @ v > 0.01 * np.linalg.norm(v)
+
+
+def test_the_tip_slides_before_an_orientation_that_is_only_held_gives_way():
+    q = np.array((-1.1, -1.214, 2.664, -0.161, 0.458, 1.466, 2.752))  # two joints near their ends
+    _, begin = FR3.tip(q)
+    hold = Correction(np.zeros(6), np.repeat((False, True), 3), np.ones(6))
+    dx = np.array((0.04, -0.045, -0.238, 0.0, 0.0, 0.0))
+    _, R = steered(q, lambda *_: dx, 500, correction=hold)
+    assert np.linalg.norm(rotation_error(R, begin)) < np.radians(1.0)
 
 
 def test_what_resists_is_a_limit_and_not_what_keeps_the_direction():

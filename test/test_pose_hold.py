@@ -93,18 +93,6 @@ def test_a_planners_velocities_are_executed_as_they_are():
     assert steered.controller.policy.scaling == 'components'
 
 
-@pytest.mark.slow
-def test_a_tip_that_limits_have_turned_comes_back():
-    """Limits turn it while it is dragged beyond where its orientation can be kept."""
-    arm = Arm()
-    _, R = arm.model.tip(arm.q)
-    d = np.array((-0.88, -0.08, -0.47, 0.0, 0.0, 0.0))
-    arm.steer(2.0, lambda _: 0.3 * d)
-    assert arm.turned(R) > np.radians(3.0)
-    arm.steer(4.0, lambda _: -0.15 * d)
-    assert arm.turned(R) < np.radians(0.5)
-
-
 def stretched() -> Arm:
     arm = Arm()
     arm.steer(1.0, lambda _: np.array((0.1, 0.0, 0.1, 0.0, 0.0, 0.0)))
@@ -125,7 +113,7 @@ def test_a_position_that_could_not_be_held_comes_back_when_the_turn_is_reversed(
     x, _ = arm.model.tip(arm.q)
     arm.steer(2.5, tilting)
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.02
-    arm.steer(2.5, lambda t: -0.4 * tilting(t))
+    arm.steer(4.0, lambda t: -0.4 * tilting(t))
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) < 1e-3
 
 
@@ -144,8 +132,8 @@ def along(v: tuple[float, ...], *rotation: float) -> Velocity:
     return lambda _: np.array((*v, *(rotation or (0.0, 0.0, 0.0))))
 
 
-OUT = (-0.264, -0.024, -0.141)  # [m/s], beyond where the orientation can be kept
-BACK = (0.132, 0.012, 0.0705)
+OUT = (-0.2, 0.0, -0.25)  # [m/s], beyond where the orientation can be kept
+BACK = (0.1, 0.0, 0.125)
 
 
 @pytest.mark.slow

@@ -71,8 +71,8 @@ class Bounds:
         if components:
             parts = components, self.state.tick.correction, scale
             how = self._steady_box, self.state.dq_prev, limits.yielding
-            solved, steady, executed = solve_components(problem, parts, *how)
-            limits.yielding = limits.yielding.after(steady, executed, self.T)
+            solved, left = solve_components(problem, parts, *how)
+            limits.yielding = limits.yielding.after(self.T, *left)
         else:
             solved = solve_constrained(*problem)
         if self.rows and not self._can_be_kept(solved.dq):
@@ -96,7 +96,7 @@ class Bounds:
                 break
         parts = components or (len(levels[0][1]),), self.state.tick.correction, None
         at_dq = dq, None, levels[:1], (dq, dq), (), None
-        found, _, _ = solve_components(at_dq, parts, self._steady_box, dq, Yielding(), 0.0)
+        found, _ = solve_components(at_dq, parts, self._steady_box, dq, Yielding(), 0.0)
         scales = found.component_scaling
         return replace(solved, dq=dq, s=min(scales), component_scaling=scales if components else ())
 
@@ -174,7 +174,7 @@ class Limits:
         is_inside = is_far or self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
             if self.yielding != (0.0, 0.0, 0.0):  # any() takes twice as long
-                self.yielding = self.yielding.after(1.0, 1.0, T)
+                self.yielding = self.yielding.after(T, 1.0, 1.0, False)
             return None
         bounds = self._bounds(state, T)
         return None if is_inside and bounds.allow(dq) else bounds
