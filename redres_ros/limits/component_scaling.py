@@ -19,10 +19,12 @@ gives way if level 3 leaves little for a while, without the limits on accelerati
     |J_f dq - c| <= SPREAD,   -c' J_f dq / |c| <= the speed that still ends within its cone,
 
 and level 4 the least |J_f dq - c|. If that leaves little, too, the leading one slides up to 85
-degrees off, and both creep out of these bounds, lest joints at their ends lock the arm. All this is
-blended in. What the arm executes already counts four times as much, lest each undoes the other.
+degrees off, and both creep out of these bounds, so that joints at their ends do not lock the arm.
+All this is blended in. The one that is executed already counts four times as much when it is
+decided which one leads: else the two might come to rest, each undoing what the other does.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -87,13 +89,14 @@ def solve_components(
     rows of each, what holds them, scale of rows. The steady box has no limits on accelerations.
     """
     sizes, correction, scale = components
+    held = correction or _NOTHING_HELD
     executed = np.empty(len(sizes) + 1)
-    rows = *(correction or _NOTHING_HELD), _UNSCALED if scale is None else scale
-    parts = np.array(sizes, np.int64), dq_prev, *rows, executed
+    row_scale = _UNSCALED if scale is None else scale
+    parts = np.array(sizes, np.int64), dq_prev, *held, row_scale, executed
     s = None
     solved = solve_constrained(*problem, parts=(*parts, *yielding[1:], least))
     *fractions, most = executed.tolist()
-    if fractions[0] != fractions[0]:  # the whole has been searched for
+    if math.isnan(fractions[0]):  # the whole has been searched for
         s = solved.s
         is_exact = solved.error <= _NOTICEABLE
         if (is_exact and s >= 1.0) or not solved.error < np.inf or most == 0.0:
@@ -104,7 +107,7 @@ def solve_components(
         *fractions, most = executed.tolist()
     solved.component_scaling = tuple(fractions)
     solved.s = min(fractions) if s is None else s
-    slides_first = len(sizes) == 1 or bool(rows[1][-1])  # the orientation is held
+    slides_first = len(sizes) == 1 or bool(held.is_held[-1])  # the orientation
     left = min(fractions) if slides_first else most
     if left >= _LITTLE and not (yielding.weight if slides_first else any(yielding[1:])):
         return solved, (left, most, slides_first)
