@@ -9,7 +9,7 @@ from redres_ros import Controller, RobotModel, make_law
 
 T = 0.001  # sampling time [s]
 DURATION = 2.0  # [s]
-DX = np.array([0.0, -0.1, 0.0])  # wanted velocity of the tip [m/s]
+DX = np.array([0.0, -0.1, 0.0])  # desired velocity of the tip [m/s]
 
 model = RobotModel.named('lwr4_paper')  # or RobotModel.from_urdf('arm.urdf', 'tool0')
 law = make_law('minimum_acceleration', damping=10.0)
@@ -25,5 +25,5 @@ for _ in range(round(DURATION / T)):
     fastest = max(fastest, float(np.linalg.norm(command.dq)))
 
 x_end = model.tip(q)[0]
-print(f'way of the tip:        {np.round(x_end - x_start, 4)} m')
+print(f'the tip moved by:      {np.round(x_end - x_start, 4)} m')
 print(f'fastest joint motion:  {fastest:.3f} rad/s')

@@ -3,7 +3,7 @@
 Both are tasks of one controller, in order of priority. Turning the torso helps the left hand and
 would move the right one; what the second task keeps is that it does not. Where both are not
 possible, the first one wins: with --far the circle is out of the left arm's reach without a turn of
-the torso that the right arm cannot make up for.
+the torso that the right arm cannot make up for. Run it with: python examples/two_arms.py
 """
 
 import argparse
@@ -57,5 +57,5 @@ for k in range(round(TURN / T)):
     errors = np.vstack((errors, (left, right)))
 
 print(f'joints: {", ".join(model.joint_names)}')
-print(f'the left hand was {1e3 * errors[:, 0].max():.2f} mm beside its way at most')
+print(f'the left hand was {1e3 * errors[:, 0].max():.2f} mm off its path at most')
 print(f'the right hand was {1e3 * errors[:, 1].max():.2f} mm from its place at most')

@@ -102,7 +102,7 @@ def test_a_table_that_simulate_wrote_is_a_task_with_the_same_motion(short, tmp_p
 def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_path, capsys):
     laws = ['--law', 'minimum_velocity,minimum_acceleration', '--prefer', 'posture']
     assert main(['compare', '--task', short, *laws, '--out', str(tmp_path)]) == 0
-    assert '--prefer and --damping do not act on minimum_velocity\n' in capsys.readouterr().out
+    assert 'preferences and damping do not act on minimum_velocity\n' in capsys.readouterr().out
 
 
 # --- what cannot be done --------------------------------------------------------------------------
@@ -142,9 +142,9 @@ REFUSED = [
         'simulate --set posture.gian=1',
         "unknown gain 'posture.gian' (is posture.gain meant?); allowed: ",
     ),
-    ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws that know the '),
-    ('simulate --law minimum_velocity --set damping=5', '--set damping acts on laws that know '),
-    ('simulate --law minimum_velocity --damping 5', '--damping acts on laws that know the last '),
+    ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws with velocity '),
+    ('simulate --law minimum_velocity --set damping=5', '--set damping acts on laws with '),
+    ('simulate --law minimum_velocity --damping 5', '--damping acts on laws with velocity '),
     ('simulate --set posture.gain', '--set posture.gain; expected NAME=VALUE, such as'),
     ('simulate --set acceleration_limit=3', '--set acceleration_limit=3; expected a list, such'),
     ('simulate --set =1', '--set =1; expected NAME=VALUE'),

@@ -128,6 +128,9 @@ def test_a_target_before_the_first_state_is_refused() -> None:
     with virtual_run() as made:
         made.graph.publish('target_pose', to_pose(0, '', np.array((0.3, 0.3, 0.3)), np.eye(3)))
         assert logged(made, 'target_pose refused', 'no joint_states')
+        path = Preview((0.0, 1.0), np.full((2, 3), 0.3))
+        made.graph.publish('target_path', to_path(10**18, '', path))
+        assert logged(made, 'target_path refused', 'no joint_states')
         made.run(1.0)
         assert state(made) is TaskState.IDLE
 

@@ -58,7 +58,7 @@ def _demo(options: argparse.Namespace) -> int:
 
     demo = _make_demo(options)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C, which keeps the results
-    with own_domain(options.domain) as domain, progress_bar(demo.title) as progress:
+    with own_domain(options.domain) as domain, progress_bar(options.law) as progress:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )

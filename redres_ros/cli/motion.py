@@ -44,12 +44,13 @@ class _NamedMotion(NamedTuple):
     @property
     def title(self) -> str:
         """Task, arm, period and limits in words."""
-        arm = self.model.arm
-        dynamics = f'{arm.dynamics} dynamics'
-        if self.task.robot not in ARMS and arm.dynamics == 'identified':
+        space = 'position' if self.task.orientations is None else 'pose'
+        dynamics = f'{self.model.arm.dynamics} dynamics'
+        if self.task.robot not in ARMS and self.model.arm.dynamics == 'identified':
             dynamics = 'dynamics of the URDF'
         how = f'T = {1e3 * self.case.T:g} ms, limits: {", ".join(self.case.limits) or NONE}'
-        return f'{self.name or "a square before the tip"}, {self.task.robot}, {dynamics}, {how}'
+        name = self.name or 'a square before the tip'
+        return f'{name}, {space} task, {self.task.robot}, {dynamics}, {how}'
 
     def controller(self, switch_time: float = 0.0) -> Controller:
         """The controller of the case. Raises RedresError for a value that is not allowed."""
@@ -109,7 +110,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
         is_damped = options.damping is not None
         given = {'prefer': preferences, 'damping': is_damped, 'set damping': 'damping' in settings}
         for option in filter(given.get, given):
-            known = 'laws that know the last velocity'
+            known = 'laws with velocity history'
             raise OptionError(f'--{option} acts on {known}; in use: {", ".join(names)}')
     gains = _checked_gains(case, laws)
     for name, equals, text in preferences:

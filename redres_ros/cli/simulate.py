@@ -58,12 +58,11 @@ def _simulate(options: argparse.Namespace) -> int:
     from redres_ros.simulation.report import peak_table, print_tables, progress_bar
 
     motion = find_motion(options, [options.law])
-    task = motion.task
     controller = motion.controller(options.switch_time)
     if options.out:
         check_writable(options.out)
     with progress_bar(f'{options.law}, T = {1e3 * options.period:g} ms') as progress:
-        recording = run(controller, task, greedy=options.greedy, progress=progress)
+        recording = run(controller, motion.task, greedy=options.greedy, progress=progress)
     if options.out:
         recording.write_csv(options.out)
     print_tables(peak_table(options.law, recording))
@@ -123,7 +122,7 @@ def _compare(options: argparse.Namespace) -> int:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
     steady = [name for name, each in motions.items() if not each.law(each.case.law).has_memory]
     if steady and (options.prefer or options.damping is not None):
-        print(f'--prefer and --damping do not act on {", ".join(steady)}')
+        print(f'preferences and damping do not act on {", ".join(steady)}')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1

@@ -209,9 +209,9 @@ class PlannerNode(ManagedNode):
         with self._diagnostics.judging('target_path'):
             cycles = self._run.cycles
             message.header.stamp = to_time(cycles.newest)  # from where its times are counted
-            path = from_path(message, (self._frame, ''), self._settings.task_space == 'pose')
             self._check_ready()
             self._measured()
+            path = from_path(message, (self._frame, ''), self._settings.task_space == 'pose')
             self._begin_goal(self._goals.path(path, cycles))
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
