@@ -389,7 +389,8 @@ class CommandLoop:
                 measurements.restart()
         asks = not stale and largest(dx) > NOTHING
         asks = asks or (self.mode is Mode.MOVING and measurements.asks)
-        moves = self.mode in MOVING_MODES
+        # A reference that approaches the arm needs no motion of it.
+        moves = self.mode in MOVING_MODES and self._approach is None
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
 
     def _change_mode(self, state: _State, dx: TaskVelocity, stale: bool) -> bool:
@@ -464,6 +465,20 @@ class CommandLoop:
             self._approach = None
             self._controller.follow_joints(self.input.is_of_joints)
 
+    def _watch_progress(self, asked: TaskVelocity, command: Command) -> None:
+        """Notice that hardly anything is executed of what is asked for."""
+        executed = command.J.dot(command.dq)
+        scale = command.solution.scale
+        if scale is not None:  # makes a turn comparable to a translation
+            asked = scale * asked
+            executed = scale * executed
+        square = asked.dot(asked)
+        if square > _ROUNDING**2:
+            T = self._controller.T
+            self._executed += T * max(asked.dot(executed) / square, 0.0)
+            self._progress.active_limits = command.active_limit or str
+            self._progress.enter(T, 0, -self._executed, 0.0, 'hardly anything executed')
+
     def _command(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
         """The command of the mode in force, along an approach or the input velocity dx.
 
@@ -480,6 +495,7 @@ class CommandLoop:
         correction = None
         ahead = None
         is_yielding = False
+        asked = None
         if self.mode is Mode.STOPPING:
             along = np.zeros(controller.m)
         elif self._approach is not None:
@@ -498,6 +514,7 @@ class CommandLoop:
                 scaling = 'components' if is_steered else 'task'
             if scaling != controller.policy.scaling:
                 controller.set_scaling(scaling)
+            asked = dx
             if len(dx) == _TWIST and is_of_task:  # what yields is not held
                 is_held = is_steered and not is_yielding
                 dx, correction = self._pose_hold.hold(dx, is_open_loop=is_held)
@@ -505,15 +522,13 @@ class CommandLoop:
                 self._pose_hold.clear()
             along = dx
             if is_yielding:
+                asked = None
                 along = measurements.contact.velocity(dx, measurements.state(q), missed)
         plan = controller.plan(q, along, missed, correction, ahead)
         self._before = plan.base
         command = controller.commit(self.safety_filter.admit(plan))
-        asked = along.dot(along)
-        if asked > _ROUNDING**2:
-            self._executed += controller.T * max(along.dot(command.J.dot(command.dq)) / asked, 0.0)
-            self._progress.active_limits = command.active_limit or str
-            self._progress.enter(controller.T, 0, -self._executed, 0.0, 'hardly anything executed')
+        if asked is not None:
+            self._watch_progress(asked, command)
         if is_yielding:
             measurements.contact.record(command, dx)
         end = self._approach

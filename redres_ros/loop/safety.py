@@ -29,7 +29,7 @@ _LONGEST = 1.0  # [s]
 _COMMANDED = 1e-3  # [rad] that a joint must be commanded to move before it is judged
 _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
-_CARRIED = 0.01  # [rad] beyond its references, at which others have moved an arm
+_CARRIED = 0.04  # [rad] beyond its references, at which others have moved an arm; walls push less
 _LATE = 0.01  # [s] by which it may be late or early in its motion
 _AWAY = 3.0  # states in short succession that are away from the reference; encoders may fail once
 _AWAY_DECAY = 0.1  # of these for each good one
@@ -164,7 +164,7 @@ class FaultMonitor:
             apart = np.abs(q - controller.published.q)
             joint = int(np.argmax(apart))
             return (
-                f'held, and {controller.model.joint_names[joint]} is measured {apart[joint]:.3g} '
+                f'held, and {controller.model.joint_names[joint]} is measured {apart[joint]:.2f} '
                 'rad from its reference: the next motion begins with an approach to where it is'
             )
         command = controller.hold_command()
