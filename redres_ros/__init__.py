@@ -1,6 +1,4 @@
-"""Discrete-time redundancy resolution for arms behind a position interface (Flacco and De Luca,
-2015).
-"""
+"""Discrete-time redundancy resolution behind a position interface (Flacco, De Luca, 2015)."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

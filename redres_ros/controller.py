@@ -188,8 +188,10 @@ class Controller:
         self._has_open_targets = True
         self.follow_joints(self._follows_joints)
 
-    def follow_joints(self, follows: bool) -> None:
-        """Whether dx is the velocity of all joints, (n,) [rad/s], instead of that of the task."""
+    def follow_joints(self, follows: bool, *, at_once: bool = False) -> None:
+        """Whether dx is that of all joints, (n,) [rad/s]; at once: if A is limited, unfaded."""
+        limits = self.policy.limits
+        self._brakes = at_once and bool(limits and limits.bounds_acceleration)
         self._follows_joints = follows
         self._choose()
         self.m = self.model.n if follows else self.policy.task.rows(self.model)

@@ -456,6 +456,35 @@ def test_an_arm_that_does_not_follow_stops_within_its_limits(
     assert_gentle(robot)
 
 
+def test_an_arm_that_a_wall_pushes_back_is_not_placed_where_it_is_in_one_step() -> None:
+    robot = limited(interface='ros2_control')
+    robot.follow(500)
+    pushed = robot.q.copy()
+    for k in range(500):
+        pushed[1] -= 0.003 * (k < 10)  # [rad]
+        robot.q = np.array((robot.references[-1][0], pushed[1], *robot.references[-1][2:]))
+        robot.ask()
+        robot.steer(velocity(robot.cycle))
+    assert robot.following.mode is Mode.HOLDING
+    assert np.abs(robot.references[-1] - robot.q).max() < 1e-3
+    assert_gentle(robot, holds=True)
+
+
+def test_a_bent_arm_that_is_approached_by_its_reference_does_not_count_as_one_that_is_stuck() -> (
+    None
+):
+    robot = limited()
+    robot.follow(500)
+    robot.follow(500, lambda cycle: np.zeros(3))
+    bent = robot.q - np.array((0.0, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0))  # by what it presses on
+    while np.abs(robot.references[-1] - bent).max() > 1e-5:
+        robot.q = bent
+        robot.ask()
+        robot.steer(velocity(robot.cycle % 1000))
+        assert robot.following.mode is not Mode.MIRRORING
+    assert_gentle(robot)
+
+
 def test_a_robot_that_executes_nothing_is_noticed_within_50_ms_and_then_mirrored() -> None:
     robot = limited()
     robot.follow(600)

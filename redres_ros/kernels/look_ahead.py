@@ -71,9 +71,7 @@ _width = part(width)
 def _place(
     q: np.ndarray, chain: tuple[np.ndarray, ...], J: np.ndarray, x: np.ndarray, R: np.ndarray
 ) -> None:
-    """Write the tip's Jacobian (6, n), unless that is empty, position (3,) and
-    orientation (3, 3).
-    """
+    """Write the tip's Jacobian (6, n) or nothing, position (3,) and orientation (3, 3)."""
     turns, offsets, joints, slides = chain
     origins = np.empty((len(joints), 3))
     axes = np.empty((len(joints), 3))

@@ -99,9 +99,7 @@ def widen(
 
 
 def rotation_error(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """The turn from A to B, both (3, 3): the rotation vector of R = B A', (3,) [rad]; exactly zero
-    for A = B.
-    """
+    """The turn from A to B, (3, 3): the rotation vector of R = B A', (3,) [rad]; 0 for A = B."""
     w = np.empty(3)
     _fill_rotation_error(A, B, w)
     return w

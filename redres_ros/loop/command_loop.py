@@ -122,9 +122,7 @@ class CommandLoop:
 
     @property
     def error(self) -> str:
-        """The first reason why the arm may not move, or cannot stay where it is, and the remedy;
-        empty without one.
-        """
+        """Why the arm may not move, or cannot stay where it is, and the remedy; or empty."""
         if reason := self.faults.reason:
             return f'{reason}; controller/hold with false, or a new motion, lets it go on'
         if self._cycles.rate_error or self.mode is not Mode.HOLDING or self._newest is None:
@@ -391,7 +389,11 @@ class CommandLoop:
         asks = asks or (self.mode is Mode.MOVING and measurements.asks)
         # A reference that approaches the arm needs no motion of it.
         moves = self.mode in MOVING_MODES and self._approach is None
+        was_lost = faults.is_lost
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
+        if faults.is_lost and not was_lost:  # its reference is to come to where it is
+            self._controller.resume()
+            self._controller.follow_joints(True, at_once=True)
 
     def _change_mode(self, state: _State, dx: TaskVelocity, stale: bool) -> bool:
         """Switch to the mode of this state; returns whether more than silence blocks motion.
@@ -404,7 +406,7 @@ class CommandLoop:
         commandable = takes_commands and self._is_connected and faults.executes
         is_stopped = self._held or not self._active or not commandable
         has_fault = faults.reason and not faults.released
-        blocked = bool(is_stopped or has_fault or self._cycles.rate_error)
+        blocked = bool(is_stopped or has_fault or faults.is_lost or self._cycles.rate_error)
         if self._interface.forwards_commands and self.mode not in MOVING_MODES:
             blocked = blocked or self.mode is not Mode.HOLDING or self._held_reference.wait > 0.0
         published = self._controller.published
@@ -420,13 +422,16 @@ class CommandLoop:
             if not interrupted or measurements.contact.retreat is not None:
                 allowed = True
                 asked = asked or measurements.asks
+        is_at_rest = fastest <= _AT_REST
+        if faults.is_lost:
+            is_at_rest = self._held_reference.has_caught_up(state.q, fastest)
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or fastest > 0.0,
             commandable=commandable,
             motion_allowed=allowed,
             motion_asked=asked,
-            at_rest=faults.is_lost or (not asked and fastest <= _AT_REST),
+            at_rest=is_at_rest and not asked,
         )
         before = self.mode
         self.mode = next_mode(before, conditions)
@@ -452,11 +457,16 @@ class CommandLoop:
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.gap = 1
-            controller.hold_at(state.q if self.faults.is_lost else controller.reference)
+            is_lost = self.faults.is_lost
+            held = self._held_reference
+            controller.hold_at(held.beside(state.q) if is_lost else controller.reference)
+            controller.follow_joints(self.input.is_of_joints)
             followed = before in MOVING_MODES and not self.faults.reason
-            self._held_reference.begin(state.q, LAG_TIME * self.faults.fast if followed else None)
+            held.begin(state.q, LAG_TIME * self.faults.fast if followed else None)
+            self.faults.is_lost = False
         else:
-            controller.hold()
+            if not self.faults.is_lost:
+                controller.hold()
             self.measurements.restart()
 
     def _end_approach(self) -> None:
@@ -498,6 +508,8 @@ class CommandLoop:
         asked = None
         if self.mode is Mode.STOPPING:
             along = np.zeros(controller.m)
+            if self.faults.is_lost:
+                along = self._held_reference.catch_up(q)
         elif self._approach is not None:
             self._pose_hold.clear()
             along = approach_velocity(controller, self._approach)

@@ -10,13 +10,14 @@ from redres_ros.kernels.tick import largest
 from redres_ros.loop.velocity_input import ANGULAR_ACCELERATION, LINEAR_ACCELERATION
 from redres_ros.robot_model import Correction, RobotState
 from redres_ros.tasks import Pose
-from redres_ros.types import Cycles, JointPositions, JointVelocities, TaskVelocity
+from redres_ros.types import Cycles, JointPositions, JointVelocities, Seconds, TaskVelocity
 
 ARRIVED = 1e-6  # [rad] from its end, at which an approach is over
 NOTHING = 1e-3  # [m/s], [rad/s]; a velocity with less asks for nothing
 
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
+_CATCH_UP = 10.0  # [rad/s^2] the same of a reference from which the arm has been moved away
 _STILL = 5e-4  # [rad] that an arm at rest moves at most
 _REST = 0.1  # [s] for which it has not moved further
 _SERVO = 5e-3  # [rad] of a servo's error at rest
@@ -69,10 +70,7 @@ class HeldReference:
     def update(self, q: JointPositions, cycles: Cycles) -> bool:
         """Whether the reference of an arm, measured at q after so many, may be published."""
         controller = self._controller
-        if largest(q - self._stood) > _STILL:
-            self._stood = q
-            self._still = 0.0
-        self._still += cycles * controller.T
+        self._look(q, cycles * controller.T)
         self.restless += cycles * controller.T
         error = q - controller.reference - self._servo
         away = largest(error)
@@ -100,15 +98,44 @@ class HeldReference:
         self._follows = False
         return True
 
+    def _look(self, q: JointPositions, seconds: Seconds) -> None:
+        if largest(q - self._stood) > _STILL:
+            self._stood = q
+            self._still = 0.0
+        self._still += seconds
 
-def approach_velocity(controller: Controller, q: JointPositions) -> JointVelocities:
+    def catch_up(self, q: JointPositions) -> JointVelocities:
+        """The velocity of the reference to an arm at q that was moved away from it."""
+        return approach_velocity(self._controller, q - self._servo, _CATCH_UP, 1.0)
+
+    def has_caught_up(self, q: JointPositions, speed: float) -> bool:
+        """Whether that reference, of this speed [rad/s], may stop, where the arm rests."""
+        T = self._controller.T
+        self._look(q, T)
+        is_there = largest(q - self._servo - self._controller.reference) <= _STILL
+        return is_there and self._still >= _REST and speed <= _CATCH_UP * T / 2
+
+    def beside(self, q: JointPositions) -> JointPositions:
+        """Where it stops then: at the arm, if that is no step beyond its acceleration."""
+        reference = self._controller.reference
+        rest = q - self._servo - reference
+        return reference + rest * (largest(rest) <= _CATCH_UP * self._controller.T**2 / 2)
+
+
+def approach_velocity(
+    controller: Controller,
+    q: JointPositions,
+    acceleration: float = _ACCELERATION,
+    speed: float = _SPEED,
+) -> JointVelocities:
     """The velocity of the reference to q, from which all joints can stop there."""
     rest = q - controller.reference
+    distances = np.maximum(np.abs(rest), ARRIVED)  # a joint that is there holds none of the others
     allowed = [
-        min(stopping_speed(abs(d), _ACCELERATION, controller.T), V)
-        for d, V in zip(rest.tolist(), controller.model.dq_max * _SPEED, strict=True)
+        min(stopping_speed(d, acceleration, controller.T), V)
+        for d, V in zip(distances.tolist(), controller.model.dq_max * speed, strict=True)
     ]
-    return rest * float(np.min(allowed / np.maximum(np.abs(rest), ARRIVED)))
+    return rest * float(np.min(allowed / distances))
 
 
 class PoseHold:

@@ -1,6 +1,4 @@
-"""What is measured beside joint positions: wrenches and other sensors, and motion that these ask
-for.
-"""
+"""Wrenches and other measurements beside joint positions, and motion that they ask for."""
 
 import numpy as np
 
@@ -95,9 +93,7 @@ class Measurements:
         self.is_idle = False
 
     def update(self, q: JointPositions, missed: Cycles, at_rest: bool) -> None:
-        """Drop what is too old, and see whether the rest asks an arm to move, or to go on moving;
-        once a tick.
-        """
+        """Drop what is too old, and see whether the rest asks for motion; once a tick."""
         self._time += (missed + 1) * self._controller.T
         self.is_idle = False
         self.yields = self.contact.is_on

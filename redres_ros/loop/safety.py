@@ -29,7 +29,7 @@ _LONGEST = 1.0  # [s]
 _COMMANDED = 1e-3  # [rad] that a joint must be commanded to move before it is judged
 _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
-_CARRIED = 0.04  # [rad] beyond its references, at which others have moved an arm; walls push less
+_CARRIED = 0.01  # [rad] beyond its references, at which others, or a wall, have moved an arm
 _LATE = 0.01  # [s] by which it may be late or early in its motion
 _AWAY = 3.0  # states in short succession that are away from the reference; encoders may fail once
 _AWAY_DECAY = 0.1  # of these for each good one
@@ -101,7 +101,7 @@ class FaultMonitor:
         """
         seconds = cycles * self._controller.T
         self.released = self.released or (stale and self._pause >= _PAUSE)
-        if asks and self.reason and (self.released or self._pause >= _PAUSE):
+        if asks and not self.is_lost and self.reason and (self.released or self._pause >= _PAUSE):
             self.clear()
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
