@@ -154,6 +154,17 @@ def test_a_tare_takes_off_the_mean_of_what_is_measured() -> None:
     assert sensor.at_tip(STATE) == pytest.approx(np.zeros(6), abs=1e-12)
 
 
+def test_only_what_can_be_used_outlives_the_wait_for_a_first_wrench() -> None:
+    sensor = _ForceSensor(0.05, T)
+    sensor.enter(np.ones(6))
+    sensor.expect()
+    assert sensor.at_tip(STATE) is not None
+    sensor.advance(round(0.06 / T))
+    sensor.expect()
+    assert sensor.problem == ''
+    assert sensor.at_tip(STATE) is None
+
+
 def test_a_sensor_without_usable_wrenches_is_not_tared() -> None:
     sensor = _ForceSensor(0.05, T)
     sensor.advance(26)

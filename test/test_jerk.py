@@ -195,6 +195,19 @@ def test_commands_keep_the_jerk_through_switches_and_stops_that_end_at_rest(law,
     assert not controller.published.dq.any()
 
 
+def test_under_the_jerk_limit_alone_the_arm_keeps_its_acceleration_at_the_same_scale() -> None:
+    model = RobotModel.named('fr3')
+    controller = Controller(model, 'minimum_velocity', 0.001, limits=('jerk',), limit_scale=0.5)
+    A = 0.5 * np.array(model.arm.acceleration_limit)
+    q = np.array(model.arm.start)
+    most = 0.0
+    for _ in range(300):
+        command = controller.update(q, np.array((1.0, 0.0, 0.0)))
+        q = command.q_ref
+        most = max(most, np.abs(command.ddq / A).max())
+    assert 0.9 < most <= 1.0
+
+
 def test_near_the_ends_of_its_ranges_an_fr3_is_no_faster_than_the_robot_allows() -> None:
     """To either end, to a velocity, or anywhere, at both positions of a tick; and with no joint
     left without a velocity.

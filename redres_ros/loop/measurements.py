@@ -101,9 +101,6 @@ class Measurements:
             self.contact.sensor.advance(missed + 1)
         if not (self.yields and self.contact.sensor.problem):
             self._usable = self._time
-        if not self._values and not self.yields:
-            self.asks = False
-            return
         timeout = self.contact.settings.wrench_timeout
         self._controller.measurements = {
             name: value

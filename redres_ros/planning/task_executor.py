@@ -321,9 +321,8 @@ class TaskExecutor:
         if goal.redirect is None or execution is None or arm is None or dx is None:
             return False
         source = execution.source
-        is_held = isinstance(source, TargetFollower) and self.state is TaskState.FINISHED
-        is_moving = self.state is TaskState.MOVING or is_held
-        if not is_moving or source is None or isinstance(source, JointPath):
+        leads = self.state in (TaskState.MOVING, TaskState.FINISHED)
+        if not leads or source is None or isinstance(source, JointPath):
             return False
         follower = execution.source = goal.redirect(source, arm.x, arm.R, dx, self.clock.t)
         execution.goal = goal
