@@ -240,7 +240,7 @@ class ControllerNode(ManagedNode):
 
     def _on_session(self, message: String) -> None:
         """Another robot that joins must not make an arm in motion mirror; it stops first."""
-        moves = self._loop.mode in MOVING_MODES and not self._diagnostics.silent
+        moves = self._loop.mode in MOVING_MODES and not self._diagnostics.was_silent
         is_of_another = moves and self.count_publishers(topics.SESSION) > 1
         self._session = message if is_of_another else None
         if is_of_another:

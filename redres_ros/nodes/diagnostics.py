@@ -111,6 +111,11 @@ class Diagnostics:
         """Whether the last state came too long ago."""
         return time.monotonic() - self._fed_at > self._longest
 
+    @property
+    def was_silent(self) -> bool:
+        """Whether the last state came too long ago, or the one before it."""
+        return self.silent or _STATES in self._bad
+
     def feed(self) -> None:
         self._fed_at = time.monotonic()
         self.accept(_STATES)
