@@ -40,6 +40,7 @@ _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _ROBOT_INTERFACE = Parameter('the kind of robot', choices=tuple(ROBOT_INTERFACES))
 _TURN = 2.0 * np.pi  # [rad]
+_NOTHING = np.empty(0)
 
 
 @dataclass(slots=True, repr=False)  # made in every tick
@@ -379,10 +380,10 @@ class Controller:
         q_ref = start.copy()
         ddq = dq_prev.copy()
         command = dq_ref = dq.copy()  # whatever is done to the solution's own
-        is_measured = start is not base.q
-        if is_measured:
-            command = dq.copy()
-        speed = integrate(dq, self.T, q_ref, ddq, base.q, dq_ref, is_measured)
+        last = _NOTHING
+        if start is not base.q:
+            last = dq_ref = base.q.copy()
+        speed = integrate(dq, self.T, q_ref, ddq, last)
         if not speed <= SPEED_LIMIT:
             raise self._diverged(motion, state, dx, speed)
         reference = Published(q_ref, dq_ref, ddq, command, solution.plan)

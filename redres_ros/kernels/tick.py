@@ -45,26 +45,19 @@ def multiply(factor: float, x: np.ndarray) -> None:
 
 
 @direct
-@compiled(float64(vector(), float64, _VECTOR, _VECTOR, vector(), _VECTOR, boolean))
-def integrate(
-    dq: np.ndarray,
-    T: float,
-    q: np.ndarray,
-    ddq: np.ndarray,
-    q_ref: np.ndarray,
-    dq_ref: np.ndarray,
-    is_measured: bool,
-) -> float:
+@compiled(float64(vector(), float64, _VECTOR, _VECTOR, _VECTOR))
+def integrate(dq: np.ndarray, T: float, q: np.ndarray, ddq: np.ndarray, q_ref: np.ndarray) -> float:
     """Add T dq to q (footnote 1), and make ddq = dq_prev (dq - dq_prev) / T; the speed |dq|.
 
-    dq_ref becomes the velocity from the last q_ref, which is dq unless q was measured.
+    The last q_ref, if it is not empty, becomes the velocity from there to q.
     """
     square = 0.0
     for i in range(len(q)):
         q[i] += T * dq[i]
         ddq[i] = (dq[i] - ddq[i]) / T
         square += dq[i] * dq[i]
-        dq_ref[i] = (q[i] - q_ref[i]) / T if is_measured else dq[i]
+    for i in range(len(q_ref)):
+        q_ref[i] = (q[i] - q_ref[i]) / T
     return np.sqrt(square)
 
 
