@@ -126,7 +126,8 @@ class GraphMonitor(Node):
 
     def live_values(self) -> dict[str, Any]:
         """The newest values by topic, without what nodes have left that are silent by now."""
-        silent = tuple(f'{n}/' for n in self._reports if self.health()[n].is_well is None)
+        health = self.health()
+        silent = tuple(f'{node}/' for node in self._reports if health[node].is_well is None)
         return {name: value for name, value in self.values.items() if not name.startswith(silent)}
 
     def health(self) -> dict[str, NodeHealth]:

@@ -65,14 +65,18 @@ class HeldReference:
 
     def is_left(self, q: JointPositions) -> bool:
         """Whether an arm at rest at q is elsewhere than its servo explains."""
-        return largest(q - self._controller.reference - self._servo) > _SERVO
+        return largest(self._error(q)) > _SERVO
+
+    def _error(self, q: JointPositions) -> JointPositions:
+        """Of an arm at q, beside what its servo explains."""
+        return q - self._controller.reference - self._servo
 
     def update(self, q: JointPositions, cycles: Cycles) -> bool:
         """Whether the reference of an arm, measured at q after so many, may be published."""
         controller = self._controller
         self._look(q, cycles * controller.T)
         self.restless += cycles * controller.T
-        error = q - controller.reference - self._servo
+        error = self._error(q)
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
         is_still = self._still >= _REST
@@ -112,14 +116,14 @@ class HeldReference:
         """Whether that reference, of this speed [rad/s], may stop, where the arm rests."""
         T = self._controller.T
         self._look(q, T)
-        is_there = largest(q - self._servo - self._controller.reference) <= _STILL
-        return is_there and self._still >= _REST and speed <= _CATCH_UP * T / 2
+        rests = self._still >= _REST and speed <= _CATCH_UP * T / 2
+        return rests and largest(self._error(q)) <= _STILL
 
     def beside(self, q: JointPositions) -> JointPositions:
         """Where it stops then: at the arm, if that is no step beyond its acceleration."""
-        reference = self._controller.reference
-        rest = q - self._servo - reference
-        return reference + rest * (largest(rest) <= _CATCH_UP * self._controller.T**2 / 2)
+        rest = self._error(q)
+        is_small = largest(rest) <= _CATCH_UP * self._controller.T**2 / 2
+        return self._controller.reference + rest * is_small
 
 
 def approach_velocity(

@@ -113,7 +113,7 @@ class Diagnostics:
 
     @property
     def was_silent(self) -> bool:
-        """Whether the last state came too long ago, or the one before it."""
+        """Whether the last state came too long ago, or one did a moment ago."""
         return self.silent or _STATES in self._bad
 
     def feed(self) -> None:

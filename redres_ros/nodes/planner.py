@@ -36,8 +36,8 @@ from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, LatchedWords, Telemetry
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
-from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
+from redres_ros.planning.unachieved import UnachievedVelocity
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.types import JointPositions, Nanoseconds, Position, Rotation

@@ -12,8 +12,8 @@ from redres_ros.loop.safety import ProgressMonitor
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath, JointReference
 from redres_ros.planning.planner import Planner, Reference, TargetFollower
-from redres_ros.planning.progress import UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
+from redres_ros.planning.unachieved import UnachievedVelocity
 from redres_ros.preview import Preview
 from redres_ros.types import (
     JointPositions,
