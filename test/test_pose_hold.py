@@ -137,6 +137,17 @@ BACK = (0.1, 0.0, 0.125)
 
 
 @pytest.mark.slow
+def test_a_tip_that_limits_have_turned_comes_back():
+    """Limits turn it while it is dragged beyond where its orientation can be kept."""
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    arm.steer(2.0, along(OUT))
+    assert arm.turned(R) > np.radians(3.0)
+    arm.steer(4.0, along(BACK))
+    assert arm.turned(R) < np.radians(0.5)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_velocity'])
 def test_what_was_turned_comes_back_after_the_arm_has_been_held_and_the_law_changed(law):
     arm = Arm()
