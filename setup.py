@@ -64,7 +64,7 @@ setup(
     ],
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'nodes/*.xml', 'nodes/*.yaml', 'robots/*.urdf', 'view/*.js']},
+    package_data={NAME: ['py.typed', 'nodes/*.xml', 'files/*.yaml', 'robots/*.urdf', 'view/*.js']},
     zip_safe=False,
     # The oldest versions are those of Ubuntu 24.04, with Pinocchio of Jazzy. pip itself takes newer
     # ones: what PyPI has of Pinocchio 3 asks for numpy 2.

@@ -14,22 +14,6 @@ if TYPE_CHECKING:
 # should have one thread only. Read when numpy is loaded.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-_GONE = {  # commands and options of earlier versions, and what to write instead
-    'batch': '`for result in batch(cases)` in Python',
-    'dampings': 'redres compare --law minimum_acceleration@2,minimum_acceleration@5',
-    'bench': 'python benchmarks/tick.py in a clone of the repository',
-    'record': 'ros2 bag record -s mcap -a',
-    'teleop': 'redres view, or teleop_twist_keyboard',
-    '--teleop': '--view',
-    '--tasks': '`for result in batch(cases)` in Python',
-    '--kind': '`for result in batch(cases)` in Python',
-    '--save': '--view, or a plot of motion.csv, which the demo writes',
-    '--help-gains': 'redres laws',
-    '--duration': '--view, whose button starts the task again',
-    '--switch': '`ros2 param set /controller law NAME` or `redres watch --set law=NAME` meanwhile',
-    '--composed': 'redres_composed',
-}
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand, by default that of this process; every error becomes one line.
@@ -71,15 +55,12 @@ def _run_command(given: list[str]) -> int:
     if not given:
         make_parser().print_help(sys.stderr)
         return 2
-    if given[0] in _GONE:
-        _complain(f'redres {given[0]} is gone; instead: {_GONE[given[0]]}')
-        return 2
     parser = make_parser()
     options, others = parser.parse_known_args(given)
     others += [word for word in given if not word or word.endswith('=')]
     if others:
         parser.prog = f'redres {options.command}'
-        parser.error(_refusal(others))
+        parser.error(_refusal(others, parser.prog))
     for plugin in options.plugin or ():
         from redres_ros.files.plugins import load_plugin
 
@@ -88,14 +69,18 @@ def _run_command(given: list[str]) -> int:
     return status
 
 
-def _refusal(words: list[str]) -> str:
+def _refusal(words: list[str], command: str) -> str:
     """Why words of a command line are refused."""
+    from redres_ros.files.text import replacements
+
+    gone = replacements(command, 'every command')
+    gains = replacements('parameters')
     for word in words:
         name, equals, value = word.partition('=')
-        if name in _GONE:
-            return f'{name} is gone; instead: {_GONE[name]}'
         if name.startswith('--') and '.' in name:
-            return f'{name} is gone; instead: --set {name[2:]}=VALUE'
+            gone[name] = gains.get(name[2:], f'--set {name[2:]}=VALUE')
+        if name in gone:
+            return f'{name} is gone; instead: {gone[name]}'
         if not name or (equals and not value):
             return f'got nothing for {name or "a value"}; expected a value'
     return f'unknown: {" ".join(" ".join(words).split())}'

@@ -33,9 +33,14 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse what is none of the choices as any other unknown name."""
+        """Refuse what is none of the choices: by its replacement if it is gone."""
         if action.choices is not None and value not in action.choices:
+            from redres_ros.files.text import replacements
+
             error = UnknownNameError('value', value, action.choices)
+            gone = replacements(self.prog).get(value)
+            if gone:
+                self.error(f'{value} is gone; instead: {gone}')
             raise argparse.ArgumentError(action, str(error))
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from redres_ros.errors import FileError, reason_of
 
+_GONE = Path(__file__).with_name('gone.yaml')
+
 
 @contextmanager
 def _attempting(what: str) -> Iterator[None]:
@@ -44,3 +46,14 @@ def read_yaml(path: Path) -> Any:
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None
+
+
+def replacements(*owners: str) -> dict[str, str]:
+    """What to write instead of each name that parameters, or a command's words, no longer have."""
+    gone = read_yaml(_GONE)
+    return {
+        name: instead
+        for owner in owners
+        for instead, names in gone.get(owner, {}).items()
+        for name in names.split()
+    }

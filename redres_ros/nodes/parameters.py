@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import yaml
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -16,6 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from redres_ros.errors import RedresError, alike
+from redres_ros.files.text import replacements
 from redres_ros.loop.cycle_counter import RATES
 from redres_ros.parameter import Parameter, check_value, param, parameters
 
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
 P = TypeVar('P', bound='DataclassInstance')
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
-
-# Parameters of earlier versions, by what to write instead.
-_GONE = Path(__file__).with_name('gone_parameters.yaml')
 
 
 class ParameterError(RedresError):
@@ -119,9 +115,9 @@ def check_given(node: Node) -> None:
     """Raise ParameterError for a parameter of earlier versions; have values that are set live
     converted as by declare_one().
     """
-    for instead, names in yaml.safe_load(_GONE.read_text(encoding='utf-8')).items():
-        for name in node._parameter_overrides.keys() & names.split():
-            raise ParameterError(f'{name} is no parameter any more: {instead}')
+    gone = replacements('parameters')
+    for name in node._parameter_overrides.keys() & gone.keys():
+        raise ParameterError(f'{name} is no parameter any more: {gone[name]}')
     node.add_pre_set_parameters_callback(
         lambda changed: [
             _as_type(each, node.get_parameter_or(each.name, each).type_) for each in changed
