@@ -56,15 +56,17 @@ def parameters(of: Any) -> dict[Field[Any], Parameter]:
     return {f: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
 
 
-def check_parameters(instance: Any) -> None:
-    """Raise RangeError or UnknownNameError for a value outside what its field allows; NaN is
-    outside every range. A numpy scalar in a field becomes the Python number that it holds.
+class Checked:
+    """Base of dataclasses with parameters: RangeError or UnknownNameError for a value that a field
+    does not allow; NaN is in no range. A numpy scalar becomes the Python number that it holds.
     """
-    for f, parameter in parameters(instance).items():
-        value = getattr(instance, f.name)
-        check_value(f.name, value, parameter)
-        if isinstance(value, Real) and hasattr(value, 'item'):
-            object.__setattr__(instance, f.name, value.item())
+
+    def __post_init__(self) -> None:
+        for f, parameter in parameters(self).items():
+            value = getattr(self, f.name)
+            check_value(f.name, value, parameter)
+            if isinstance(value, Real) and hasattr(value, 'item'):
+                object.__setattr__(self, f.name, value.item())
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:

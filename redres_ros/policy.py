@@ -152,13 +152,9 @@ class Policy:
         """A copy with unset targets taken from this state."""
         if not self.preferences and not self.secondary_tasks:
             return self
-        return replace(
-            self,
-            preferences=tuple(each.with_initial_targets(state) for each in self.preferences),
-            secondary_tasks=tuple(
-                each.with_initial_targets(state) for each in self.secondary_tasks
-            ),
-        )
+        preferences = tuple(each.with_initial_targets(state) for each in self.preferences)
+        secondary_tasks = tuple(each.with_initial_targets(state) for each in self.secondary_tasks)
+        return replace(self, preferences=preferences, secondary_tasks=secondary_tasks)
 
     def check(self, model: RobotModel, T: Seconds | None = None) -> None:
         """Raise RedresError for a policy that does not fit an arm, or T; None: any."""

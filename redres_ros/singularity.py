@@ -155,11 +155,7 @@ def brake_before_end(
 
 
 def end_of_reach(
-    J: Jacobian,
-    dJ: JacobianDerivatives,
-    dx: TaskVelocity,
-    ddq_max: JointAccelerations,
-    near: float,
+    J: Jacobian, dJ: JacobianDerivatives, dx: TaskVelocity, ddq_max: JointAccelerations, near: float
 ) -> _EndOfReach | None:
     """Directions in which the arm could not stop at its end, of comparable rows, or None."""
     U, s, Vt = np.linalg.svd(J)
@@ -177,12 +173,7 @@ def end_of_reach(
 
 
 def _fastest(
-    i: int,
-    H: np.ndarray,
-    s: np.ndarray,
-    Vt: np.ndarray,
-    ddq_max: JointAccelerations,
-    near: float,
+    i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: JointAccelerations, near: float
 ) -> float:
     """The speed from which the arm can stop before direction i ends, infinite where it does not, by
     the curvature H (n, n) of the path there, and the singular values s (k,) and vectors Vt (n, n).

@@ -124,9 +124,8 @@ def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
         command.J,
     ):
         array[:] = np.nan
-    assert (
-        used.update(expected.q_ref, DX).q_ref == untouched.update(expected.q_ref, DX).q_ref
-    ).all()
+    q = expected.q_ref
+    assert (used.update(q, DX).q_ref == untouched.update(q, DX).q_ref).all()
 
 
 @pytest.mark.parametrize('origin', ['command', 'measurement'])

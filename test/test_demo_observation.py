@@ -168,9 +168,8 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
     assert motion['error'][0] == recording['task_error'].max()
     # From a path along y.
     path_deviation = recording.vectors('x')[:, (0, 2)] - task.waypoints[0, (0, 2)]
-    assert motion['path_deviation'][0] == pytest.approx(
-        np.linalg.norm(path_deviation, axis=1).max()
-    )
+    largest = np.linalg.norm(path_deviation, axis=1).max()
+    assert motion['path_deviation'][0] == pytest.approx(largest)
     assert motion['seconds'] == pytest.approx(199 * T)
     still = recording['joint_velocity_norm'] <= 1e-4
     assert motion['still'] == pytest.approx(T * still.sum())

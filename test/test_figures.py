@@ -116,6 +116,5 @@ def test_the_torque_of_a_motion_is_inertia_times_acceleration_and_gravity(runs):
     ddq = np.arange(1.0, 8.0)
     state = model.state(q, np.zeros(7))
     moved = MeasuredMotion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
-    assert drawing._norm('joint_torque_norm', moved, model) == pytest.approx(
-        [np.linalg.norm(state.M @ ddq + state.n)]
-    )
+    tau = state.M @ ddq + state.n
+    assert drawing._norm('joint_torque_norm', moved, model) == pytest.approx([np.linalg.norm(tau)])

@@ -135,9 +135,8 @@ def test_free_motion_ends_where_appendix_b_says(name, damping, states):
     state = states[0]
     forgetting_factor = 1.0 - damping * T
     limit = state.q + T * state.dq_prev / (1.0 - forgetting_factor)  # Eq. (B.2)
-    assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(
-        limit, abs=1e-9
-    )  # 0.99^2500 = 1e-11
+    # 0.99^2500 = 1e-11
+    assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(limit, abs=1e-9)
 
 
 @pytest.mark.parametrize('name', ['minimum_weighted_torque', 'minimum_torque'])

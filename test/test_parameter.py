@@ -7,22 +7,21 @@ import pytest
 import yaml
 
 from redres_ros.errors import RangeError, UnknownNameError, quoted
+from redres_ros.fake_robot.session import SessionSettings
 from redres_ros.files.installation import share_path
-from redres_ros.parameter import Parameter, check_parameters, check_value, param, parameters
+from redres_ros.parameter import Checked, Parameter, check_value, param, parameters
+from redres_ros.planning.goals import GoalSettings
 from redres_ros.robots import Arm
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Checked):
     """As any class of the package declares its parameters."""
 
     gain: float = param(2.0, 'feedback gain [1/s]', 0.0, 10.0, live=True)
     shape: str = param('round', 'its form', choices=('round', 'square'))
     free: bool = param(True, 'may be anything')
     plain: int = 3
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
 
 def test_the_declaration_is_read_back_from_class_and_instance_alike():
@@ -43,6 +42,12 @@ def test_a_value_outside_its_range_is_refused_with_the_range(gain):
     with pytest.raises(RangeError, match=f'gain is {gain}; allowed: 0 to 10') as caught:
         Settings(gain=gain)
     assert (caught.value.name, caught.value.lower, caught.value.upper) == ('gain', 0.0, 10.0)
+
+
+def test_settings_of_goals_and_of_sessions_are_checked_when_they_are_made():
+    for kind, name in ((GoalSettings, 'target_speed'), (SessionSettings, 'monitor_time')):
+        with pytest.raises(RangeError, match=f'{name} is -1.0; allowed'):
+            kind(**{name: -1.0})
 
 
 def test_a_word_that_is_no_choice_is_refused_with_the_choices():

@@ -197,9 +197,8 @@ def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm)
     check(arm, commands)
     assert still(commands) <= 2
     assert len(found) * T < 1.05 * 5.0
-    assert (
-        max(np.linalg.norm(command.unachieved) for command in commands) > 0.01
-    )  # and that is reported
+    # and that is reported
+    assert max(np.linalg.norm(command.unachieved) for command in commands) > 0.01
     for command, dx, _ in found[-len(found) // 4 :]:
         assert command.J @ command.dq == pytest.approx(dx, abs=1e-9)
     _, _, error = found[-1]

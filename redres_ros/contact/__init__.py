@@ -20,7 +20,7 @@ from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, RedresError
 from redres_ros.geometry import quintic, rotation_matrix
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Checked, param
 from redres_ros.robot_model import RobotState
 from redres_ros.types import Cycles, Rotation, Seconds, TaskVelocity, Wrench
 
@@ -44,7 +44,7 @@ _IMPOSSIBLE = 1e9  # [N], [Nm]; squares of much more would overflow
 
 
 @dataclass(frozen=True)
-class AdmittanceSettings:
+class AdmittanceSettings(Checked):
     """Mass, damping, stiffness and desired force for each direction, and when the arm stops.
 
     Arrays have 3 values for a task velocity of 3 rows, 6 for one of 6: three directions, and the
@@ -73,7 +73,7 @@ class AdmittanceSettings:
     )
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         rows = len(self.damping)
         for name in ('mass', 'damping', 'stiffness', 'force'):
             size = len(getattr(self, name))

@@ -7,7 +7,7 @@ from random import Random
 from typing import Generic, TypeVar
 
 from redres_ros.errors import ArrayError
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Checked, param
 from redres_ros.types import Cycles, Radians
 
 M = TypeVar('M')
@@ -56,7 +56,7 @@ class NetworkModel(Generic[M]):
 
 
 @dataclass(frozen=True)
-class Faults:
+class Faults(Checked):
     """Faults as parameters that can be set at any time; none by default. Raises ArrayError."""
 
     state_delay: int = _cycles('delay of states to the client [cycles]')
@@ -77,6 +77,6 @@ class Faults:
     encoder_step: Radians = 0.0  # resolution of measured positions; no parameter of the node
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         if len(self.push_force) != 3:
             raise ArrayError(f'push_force holds {len(self.push_force)} numbers; expected 3')

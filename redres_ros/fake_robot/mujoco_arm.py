@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, reason_of
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Checked, param
 from redres_ros.robots import Arm
 
 PLANT_STEP = 0.0005  # [s] of the simulation; the cycle is a whole multiple of it
@@ -24,7 +24,7 @@ _FRICTION_RATIO = 100.0  # friction is so much stiffer than the contact: the tip
 
 
 @dataclass(frozen=True)
-class EnvironmentSettings:
+class EnvironmentSettings(Checked):
     """What the tip can touch. Raises RangeError, UnknownNameError or ArrayError."""
 
     contact_shape: str = param(
@@ -39,7 +39,7 @@ class EnvironmentSettings:
     contact_friction: float = _FRICTION
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         if len(self.contact_position) != 3:
             raise ArrayError(
                 f'contact_position holds {len(self.contact_position)} numbers; expected 3'

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from redres_ros.errors import RedresError
 from redres_ros.fake_robot.profile import PROFILES, Event, Reflex
 from redres_ros.fake_robot.timing import TimingMonitor
-from redres_ros.parameter import param
+from redres_ros.parameter import Checked, param
 from redres_ros.types import Cycles, Radians, Seconds
 
 _ENTRY_TOLERANCE = 0.01  # [rad] from the mirrored position to the first command; a figure of ours
@@ -22,7 +22,7 @@ class CommandError(RedresError):
 
 
 @dataclass(frozen=True)
-class SessionSettings:
+class SessionSettings(Checked):
     """When command mode begins and when it ends. KUKA's figures are not public: these are ours."""
 
     profile: str = param(

@@ -25,7 +25,7 @@ import numpy as np
 from redres_ros.errors import RangeError
 from redres_ros.kernels.closed_form import free_motion
 from redres_ros.kernels.tick import multiply
-from redres_ros.parameter import Table, check_parameters, param
+from redres_ros.parameter import Checked, Table, param
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointVelocities, Seconds
@@ -35,14 +35,11 @@ _Objective = tuple[Weight, JointVelocities, Any]  # W, b, and the plan of a law 
 
 
 @dataclass(frozen=True)
-class Law(ABC):
+class Law(Checked, ABC):
     """A law at the velocity level: a frozen dataclass whose `param` fields are its gains."""
 
     has_memory: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
     @abstractmethod
     def bias(self, state: RobotState, T: Seconds) -> JointVelocities:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.parameter import Parameter, check_parameters, check_value
+from redres_ros.parameter import Checked, Parameter, check_value
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.solver import Rows
 from redres_ros.types import JointVelocities, Seconds
@@ -17,7 +17,7 @@ _SCALE = Parameter('fraction of the limit that is allowed', 1e-3, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Limit(ABC):
+class Limit(Checked, ABC):
     """A bound on joint velocities. A subclass is a frozen dataclass, whose fields that are declared
     with `param` are what users set.
 
@@ -35,7 +35,7 @@ class Limit(ABC):
 
     def __post_init__(self) -> None:
         check_value(self.scaled_by, self.scale, _SCALE)
-        check_parameters(self)
+        super().__post_init__()
 
     @abstractmethod
     def rows(self, state: ReferenceState, T: Seconds) -> Rows:

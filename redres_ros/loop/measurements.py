@@ -6,14 +6,7 @@ from redres_ros.contact import BASE, ContactControl
 from redres_ros.controller import Controller
 from redres_ros.loop.cycle_counter import ClockError, CycleCounter
 from redres_ros.robot_model import RobotState, TickContext
-from redres_ros.types import (
-    Cycles,
-    JointPositions,
-    Nanoseconds,
-    Seconds,
-    Wrench,
-    check_finite,
-)
+from redres_ros.types import Cycles, JointPositions, Nanoseconds, Seconds, Wrench, check_finite
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
 

@@ -14,7 +14,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Checked, param
 from redres_ros.policy import SCALING
 from redres_ros.types import (
     Cycles,
@@ -43,7 +43,7 @@ _ROUNDING = 1e-9  # of a limit
 
 
 @dataclass(frozen=True)
-class LoopSettings:
+class LoopSettings(Checked):
     """When the controller follows, waits or holds, and how it buffers task velocities.
 
     Raises RangeError or UnknownNameError for a value that is not allowed.
@@ -72,9 +72,6 @@ class LoopSettings:
     lockstep: bool = param(
         False, 'respond to a state only together with the cartesian_velocity of the same stamp'
     )
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
 
 class VelocityError(RedresError):

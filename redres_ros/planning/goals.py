@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
-from redres_ros.parameter import param
+from redres_ros.parameter import Checked, param
 from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import Planner, TargetFollower, source_of, top_speed
 from redres_ros.planning.waypoints import WaypointTask
@@ -40,7 +40,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class GoalSettings:
+class GoalSettings(Checked):
     """How goals are made, and for how long they wait."""
 
     autostart: bool = param(

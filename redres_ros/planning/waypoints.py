@@ -13,7 +13,7 @@ from redres_ros.files.installation import share_path
 from redres_ros.files.text import read_text, read_yaml
 from redres_ros.geometry import from_quaternion, from_roll_pitch_yaw
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Checked, param
 from redres_ros.preview import Preview
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
@@ -41,7 +41,7 @@ class _TaskEvent(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WaypointTask:
+class WaypointTask(Checked):
     """Waypoints x_0 ... x_N of the tip, and their timing.
 
     The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
@@ -69,7 +69,7 @@ class WaypointTask:
     times: Times | None = None  # (N + 1,) of the points, rising
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         if self.times is not None:
             times = Preview(self.times, self.waypoints, self.orientations).times
             object.__setattr__(self, 'segment_time', float(times[-1] - times[0]) / self.segments)

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.parameter import Table, check_parameters, param
+from redres_ros.parameter import Checked, Table, param
 from redres_ros.resolution import Weight, solve_weight
 from redres_ros.robot_model import RobotState
 from redres_ros.types import JointAccelerations, as_vector
@@ -19,7 +19,7 @@ _ROWS = {'position': 3, 'pose': 6}  # of the Jacobian that is to be far from sin
 
 
 @dataclass(frozen=True)
-class Preference(ABC):
+class Preference(Checked, ABC):
     """A null-space objective. It adds T ddq_N to the bias of every law that has velocity history.
 
     A subclass is a frozen dataclass whose fields are declared with `param`. One that uses a sensor
@@ -30,9 +30,6 @@ class Preference(ABC):
     measurement: ClassVar[str] = ''
     qualifier: ClassVar[str] = ''  # the field that is given after an @, as in manipulability@pose
     gain: float = param(4.0, 'k of the auxiliary acceleration [1/s^2]', 0.0, 1e4)
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
     @abstractmethod
     def acceleration(self, state: RobotState) -> JointAccelerations:

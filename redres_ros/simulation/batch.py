@@ -15,7 +15,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError, UnknownNameError, reason_of
 from redres_ros.files.processes import end_with_parent
-from redres_ros.parameter import as_tuple, check_parameters, param
+from redres_ros.parameter import Checked, as_tuple, param
 from redres_ros.planning.waypoints import WaypointTask, task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, choose_arm
@@ -34,7 +34,7 @@ _shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Checked):
     """One motion as plain data: what `Controller` takes, by names and gains, and the task.
 
     Raises RedresError for a seed that is none. The controller checks other values.
@@ -57,7 +57,7 @@ class Case:
     dynamics: str = 'identified'
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         for name in ('limits', 'preferences', 'secondary_tasks'):
             object.__setattr__(self, name, as_tuple(getattr(self, name)))
 

@@ -13,14 +13,14 @@ import numpy as np
 from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.kernels.tick import rotation_error
-from redres_ros.parameter import Table, check_parameters, param
+from redres_ros.parameter import Checked, Table, param
 from redres_ros.resolution import Level, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity, check_finite
 
 
 @dataclass(frozen=True)
-class Task(ABC):
+class Task(Checked, ABC):
     """One aim of the arm.
 
     A target that is left open, (), becomes the value at the start of the motion. A subclass is a
@@ -35,7 +35,7 @@ class Task(ABC):
     target: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         name = f'target of {type(self).__name__.lower()}'
         _check_length(name, self.target, self.target_size or self.size)
 
