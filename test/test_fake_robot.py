@@ -178,10 +178,8 @@ def test_too_high_an_acceleration_ends_in_a_protective_stop():
     before = robot.reference
     jump = 0.01 * np.eye(7)[4]  # 5 rad/s more, in one cycle
     robot.advance(ClientCommand(robot.tick - 1, cruise(robot.tick - 1) + jump))
-    assert (
-        robot.session.reason
-        == 'protective stop: lwr_a4_joint commanded 250 rad/s^2 over 20 ms, allowed 43.6'
-    )
+    reason = 'protective stop: lwr_a4_joint commanded 250 rad/s^2 over 20 ms, allowed 43.6'
+    assert robot.session.reason == reason
     moved = (rest(robot)[-1] - before) * np.sign(SPEED)
     assert (np.abs(moved - SPEED**2 / (2.0 * LIMITS.acceleration)) <= np.abs(SPEED) * T).all()
 
@@ -197,6 +195,18 @@ def test_after_a_stop_commands_move_nothing_until_a_reset_begins_anew_where_the_
         robot.advance(ClientCommand(robot.tick - 1, held))
     assert (robot.session.commanding, robot.session.reason) == (True, '')
     assert (robot.plant.q == held).all()
+
+
+def test_an_arm_that_was_bent_when_it_stopped_is_let_in_again_where_it_stands():
+    robot = run(make_robot(ideal=False), 10, 0.0 * SPEED)
+    robot.plant.push(np.array([0.0, 0.0, -300.0]))
+    run(robot, 100, 0.0 * SPEED)
+    assert np.abs(robot.plant.q - robot.reference).max() > 0.01
+    rest(robot)
+    robot.session.reset()
+    for _ in range(100):
+        robot.advance(ClientCommand(robot.tick - 1, robot.plant.q))
+    assert (robot.session.commanding, robot.session.reason) == (True, '')
 
 
 def test_reset_in_motion_brakes_and_lets_nobody_in_before_standstill():

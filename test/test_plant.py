@@ -65,10 +65,8 @@ def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second():
     arm = find_arm('lwr4')
     reference = ReferenceModel(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
-    desired, reached = (
-        np.array([reference.kinematics(q)[0] for q in positions])
-        for positions in (references, measured)
-    )
+    desired = np.array([reference.kinematics(q)[0] for q in references])
+    reached = np.array([reference.kinematics(q)[0] for q in measured])
     assert np.linalg.norm(np.diff(desired, axis=0), axis=1).max() / T > 0.5
     assert np.linalg.norm(desired - reached, axis=1).max() < 1e-5  # 90 um without feed-forward
 
@@ -85,9 +83,8 @@ def test_the_arm_stays_within_its_joint_limits():
     upper = np.radians(120.0)
     for k in range(1000):
         plant.step(min(k / 500, 1.0) * (upper + 0.2) * np.eye(7)[5])
-    assert plant.q[5] == pytest.approx(
-        upper, abs=np.radians(0.1)
-    )  # MuJoCo's limits yield a little under 38 Nm
+    # MuJoCo's limits yield a little under 38 Nm
+    assert plant.q[5] == pytest.approx(upper, abs=np.radians(0.1))
 
 
 def test_a_cycle_is_a_whole_number_of_plant_steps_or_an_error_that_names_both():
@@ -125,9 +122,8 @@ def test_a_plant_without_its_tip_frame_is_an_error():
         MujocoPlant(replace(find_arm('lwr4'), tip_frame='gripper'), T, Q0)
 
 
-@pytest.mark.parametrize(
-    'tip_frame', ['tool0', 'link_7']
-)  # one without mass, one with its centre of mass elsewhere
+# one without mass, one with its centre of mass elsewhere
+@pytest.mark.parametrize('tip_frame', ['tool0', 'link_7'])
 def test_a_push_at_the_tip_is_carried_by_the_stiffness_of_the_servos(tip_frame):
     arm = replace(find_arm('lwr4'), tip_frame=tip_frame)
     plant = MujocoPlant(arm, T, Q0)
@@ -139,9 +135,8 @@ def test_a_push_at_the_tip_is_carried_by_the_stiffness_of_the_servos(tip_frame):
     J = ReferenceModel(arm).kinematics(q)[2][:3]
     stiffness = plant._model.actuator_gainprm[:7, 0]
     assert np.abs(q - Q0).max() > 1e-5
-    assert stiffness * (q - Q0) == pytest.approx(
-        J.T @ force, abs=1e-6
-    )  # [Nm]: gravity is compensated
+    # [Nm]: gravity is compensated
+    assert stiffness * (q - Q0) == pytest.approx(J.T @ force, abs=1e-6)
 
 
 def test_the_force_on_the_tip_is_reported_along_the_axes_of_the_tip() -> None:

@@ -72,10 +72,8 @@ def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(profile, brid
         assert session.commanding
     session.record(None)
     assert not session.commanding
-    assert (
-        session.reason
-        == f'{name}: the newest command is {bridged + 1} cycles late, {bridged} are bridged'
-    )
+    late = f'the newest command is {bridged + 1} cycles late, {bridged} are bridged'
+    assert session.reason == f'{name}: {late}'
     assert session.timing.counts['bridged'] == bridged
 
 
@@ -251,9 +249,8 @@ def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
         timing.record(lateness, latency)
     every = [lateness for lateness, _ in packets]
     latenesses = every[-WINDOW:]
-    latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [
-        0.0
-    ]
+    latencies = [latency for lateness, latency in packets if lateness is not None] or [0.0]
+    latencies = latencies[-WINDOW:]
     n = len(latenesses)
     assert timing.statistics == {
         'response_rate': (n - latenesses.count(None)) / n,

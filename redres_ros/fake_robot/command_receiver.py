@@ -92,16 +92,11 @@ class CommandReceiver:
         tick = self._clock.tick(stamp)
         if tick is None or tick >= now:
             raise CommandError('for no state', f'stamp {stamp} ns is that of no state sent so far')
+        command = f'command for tick {tick} at tick {now}'
         if tick < now - 1 - WINDOW:
-            raise CommandError(
-                'out of date',
-                f'command for tick {tick} at tick {now}, more than {WINDOW} cycles late',
-            )
+            raise CommandError('out of date', f'{command}, more than {WINDOW} cycles late')
         if tick < self._newest_tick:
-            raise CommandError(
-                'out of order',
-                f'command for tick {tick} at tick {now}, after one for tick {self._newest_tick}',
-            )
+            raise CommandError('out of order', f'{command}, after one for tick {self._newest_tick}')
         return tick
 
     def _positions(self, arrival: _ArrivedCommand) -> JointPositions:

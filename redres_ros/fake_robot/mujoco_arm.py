@@ -40,10 +40,9 @@ class EnvironmentSettings(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.contact_position) != 3:
-            raise ArrayError(
-                f'contact_position holds {len(self.contact_position)} numbers; expected 3'
-            )
+        size = len(self.contact_position)
+        if size != 3:
+            raise ArrayError(f'contact_position holds {size} numbers; expected 3')
         if self.contact_shape == 'wall' and not any(self.contact_position[:2]):
             raise ArrayError('contact_position of a wall is above the base; expected beside it')
 
@@ -84,8 +83,6 @@ def servo_model(
         model = compiled(spec, arm)
     else:
         model = _with_surface(spec, arm, environment)
-    # KUKA's joint torque loop takes most of the friction out.
-    model.dof_damping[:] = 0.0
     model.dof_frictionloss[:] = 0.0
     n = model.nv
     bound = _inertia_bound(model)  # (n,)
@@ -144,9 +141,6 @@ def _with_surface(spec: mujoco.MjSpec, arm: Arm, settings: EnvironmentSettings) 
     surface.alt.zaxis = _normal(settings)
     for geom in (sphere, surface):
         geom.mass = 0.0
-        geom.contype = 1
-        geom.conaffinity = 1
-        geom.condim = 3
     surface.priority = 1  # its figures count, not a mixture
     surface.friction = (settings.contact_friction, 0.0, 0.0)
     surface.solimp = (_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0)

@@ -19,6 +19,7 @@ from redres_ros.types import (
     finite_vector,
 )
 
+_BRAKES = 1e8  # [N m s/rad] damping of a joint whose brakes are on
 _SENSOR_BIAS = 5.0  # [N] of a faulty force sensor, along the tip's z
 
 
@@ -36,7 +37,8 @@ class IdealPlant:
         self.wrench = np.zeros(6)
         self.external_torques = np.zeros_like(self.q)
 
-    def step(self, q_ref: JointPositions) -> None:
+    def step(self, q_ref: JointPositions, braked: bool = False) -> None:
+        q_ref = self.q if braked else q_ref
         self.dq = (q_ref - self.q) / self.period
         self.q = q_ref
 
@@ -91,14 +93,17 @@ class MujocoPlant:
         self._data.qpos[:] = q0
         mujoco.mj_fwdPosition(self._model, self._data)  # where a push would act, and the inertia
 
-    def step(self, q_ref: JointPositions) -> None:
-        """Move for one cycle, during which the reference goes on to q_ref."""
+    def step(self, q_ref: JointPositions, braked: bool = False) -> None:
+        """Move for one cycle, during which the reference goes on to q_ref; braked, it is there."""
         data = self._data
-        velocity = (q_ref - self._reference) / self.period  # (n,)
+        # KUKA's joint torque loop takes most of the friction out.
+        self._model.dof_damping[:] = _BRAKES if braked else 0.0
+        begin = q_ref if braked else self._reference
+        velocity = (q_ref - begin) / self.period  # (n,)
         torque = np.empty_like(velocity)  # Eq. (6); the servos have gravity already
         mujoco.mj_mulM(self._model, data, torque, (velocity - self._velocity) / self.period)
         torque = torque + data.qfrc_bias - data.qfrc_gravcomp
-        data.act[:] = self._reference  # the servos' reference; MuJoCo integrates it with ctrl
+        data.act[:] = begin  # the servos' reference; MuJoCo integrates it with ctrl
         data.ctrl[:] = np.concatenate((velocity, velocity, torque))
         mujoco.mj_step(self._model, data, self._substeps)
         self._reference = q_ref
@@ -129,8 +134,8 @@ class MujocoPlant:
 
     @property
     def effort(self) -> JointTorques:
-        """Torques of the motors, as sensors behind the gears measure them."""
-        return self._data.qfrc_actuator.copy()
+        """Torques of motors and brakes, as sensors behind the gears measure them."""
+        return self._data.qfrc_actuator + self._data.qfrc_damper
 
     @property
     def external_torques(self) -> JointTorques:
@@ -191,10 +196,10 @@ class FaultyPlant:
             shown[:] = np.nan
         return shown
 
-    def step(self, q_ref: JointPositions) -> None:
+    def step(self, q_ref: JointPositions, braked: bool = False) -> None:
         faults = self.faults  # one for the whole cycle
         self.true.push(np.array(faults.push_force), faults.push_link)
-        self.true.step(q_ref)
+        self.true.step(q_ref, braked)
         q = self.true.q
         if faults.encoder_noise:
             q = q + self._random.normal(0.0, faults.encoder_noise, len(q))

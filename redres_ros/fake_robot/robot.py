@@ -80,7 +80,7 @@ class FakeRobot:
 
         A command for state k - 1 is in time: an ideal plant is at its position at tick k + 1. An
         older one is late: the command is taken to have gone on since then at its last velocity, as
-        without any command. Outside command mode the arm is braked to rest.
+        without any command. Outside command mode the arm decelerates to rest and brakes hold it.
         """
         if self.tick > 0:  # before, no state has been sent that a command could be for
             self._receive(commands)
@@ -91,9 +91,8 @@ class FakeRobot:
                 self.session.stop(reason)
             else:
                 self._interpolator.follow(command)
-        if not self.session.commanding:
-            self._interpolator.brake()
-        self.plant.step(self.reference)
+        braked = not self.session.commanding and self._interpolator.brake(self.plant.q)
+        self.plant.step(self.reference, braked)
         self.tick += 1
 
     def _receive(self, commands: tuple[ClientCommand, ...]) -> None:
@@ -150,10 +149,14 @@ class _ReferenceInterpolator:
         self._closing = self.step - (command - self.command)
         self.command = command
 
-    def brake(self) -> None:
-        """Decelerate to rest, each joint as fast as its acceleration limit allows."""
+    def brake(self, q: JointPositions) -> bool:
+        """Decelerate as fast as the limits allow. Whether at rest: then the reference is q."""
         change = np.clip(self.step, -self._max_change, self._max_change)
         self._move(self.reference + (self.step - change))
+        if self.step.any():
+            return False
+        self.reference = q  # what the arm presses on may have kept it from the reference
+        return True
 
     def _move(self, target: JointPositions) -> None:
         """Go as near to the target as the limits allow; from beyond a position limit only back."""
