@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from redres_ros.command import ROBOT_INTERFACES, Command, Published, RobotInterface
-from redres_ros.errors import DivergedError, RangeError, RedresError
+from redres_ros.errors import ArrayError, DivergedError, RangeError, RedresError, quoted
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
@@ -134,7 +134,7 @@ class Controller:
         self._brakes = False  # without a crossfade
         self._follows_joints = False
         self.published: Published | None = None
-        policy = make_policy(
+        self.policy = make_policy(
             model,
             law,
             task=task,
@@ -146,12 +146,11 @@ class Controller:
             scaling=scaling,
             gains=limit_gains,
         )
-        self.policy = policy
-        self._targeted = policy  # with all targets, once it is in force
-        self._desired: Policy | Hold = policy
-        self._motion: Motion = policy.stop
+        self._targeted = self.policy  # with all targets, once it is in force
+        self._desired: Policy | Hold = self.policy
+        self._motion: Motion = self.policy.stop
         self.restart()
-        self.set_policy(policy)
+        self.set_policy(self.policy)
 
     # --- what it does -----------------------------------------------------------------------------
 
@@ -349,7 +348,8 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
         tick = self._tick
         if correction is not None:
-            tick = replace(tick, correction=correction)
+            _check_kind('correction', correction, Correction)
+            tick = replace(tick, correction=correction.of_rows(self.m))
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -362,9 +362,10 @@ class Controller:
         if at is q or self.policy.limits is None:
             at = q.copy()  # the command's state keeps it
         known = None
-        if ahead is not None and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
+        if ahead is not None:
+            _check_kind('ahead', ahead, Preview)
             path = ahead.of_rows(self.m)
-            if path is not None:
+            if path and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
                 known = Ahead(path, (missed + 1) * self.T, base.plan)
         state = RobotState(self.model, at, dq_prev, base.ddq, tick, known)
         if self._has_open_targets:
@@ -427,3 +428,8 @@ class Controller:
             return DivergedError(speed, SPEED_LIMIT, 'dx')
         self.restart()
         return DivergedError(speed, SPEED_LIMIT, 'its own motion')
+
+
+def _check_kind(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ArrayError(f'{name} is {quoted(value)}; expected a {kind.__name__} or None')

@@ -17,9 +17,7 @@ from_roll_pitch_yaw: Callable[[RotationVector], Rotation] = pin.rpy.rpyToMatrix
 
 
 def quintic(xi: float) -> tuple[float, float]:
-    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is
-    clipped to [0, 1].
-    """
+    """s(xi), ds/dxi of Eq. (36): 0 to 1, velocity and acceleration 0 at the ends; xi is clipped."""
     xi = min(max(xi, 0.0), 1.0)
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
 

@@ -246,7 +246,7 @@ def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(task, q
 def test_the_tip_slides_before_an_orientation_that_is_only_held_gives_way():
     q = np.array((-1.1, -1.214, 2.664, -0.161, 0.458, 1.466, 2.752))  # two joints near their ends
     _, begin = FR3.tip(q)
-    hold = Correction(np.zeros(6), np.repeat((False, True), 3), np.ones(6))
+    hold = Correction(np.zeros(6), np.repeat((False, True), 3), np.ones(6, np.float32))
     dx = np.array((0.04, -0.045, -0.238, 0.0, 0.0, 0.0))
     _, R = steered(q, lambda *_: dx, 500, correction=hold)
     assert np.linalg.norm(rotation_error(R, begin)) < np.radians(1.0)

@@ -24,6 +24,7 @@ from redres_ros import (
 from redres_ros.command import Published
 from redres_ros.errors import ArrayError, RangeError, RedresError
 from redres_ros.geometry import quintic
+from redres_ros.robot_model import Correction
 
 T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]
@@ -298,9 +299,8 @@ def test_of_many_switches_the_last_one_wins(underway):
     drive = underway('minimum_velocity', 1.5)
     random = np.random.default_rng(0)
     for _ in range(500):
-        drive.controller.switch_law(
-            make_law(random.choice([law for law in LAWS if law != 'minimum_torque']))
-        )
+        name = random.choice([law for law in LAWS if law != 'minimum_torque'])
+        drive.controller.switch_law(make_law(name))
         assert np.linalg.norm(drive.step()[0].dq) < 20.0  # the laws by themselves: 5 rad/s
     last = make_law('minimum_kinetic_energy')
     drive.controller.switch_law(last)
@@ -310,12 +310,17 @@ def test_of_many_switches_the_last_one_wins(underway):
     assert (command.dq == alone(last, command, dx)).all()
 
 
-@pytest.mark.parametrize('missed', [None, -1, 1.5, float('nan'), float('inf'), 10**400])
-def test_a_number_of_missed_cycles_that_cannot_be_is_refused(model, task, missed):
+MISSED = [('missed', given) for given in (None, -1, 1.5, float('nan'), float('inf'), 10**400)]
+SHORT = Correction(np.zeros(3), np.zeros(2, bool), np.zeros(3))
+PARTS = [('correction', 'x'), ('correction', SHORT), ('ahead', 'x'), ('ahead', np.zeros(3))]
+
+
+@pytest.mark.parametrize(('name', 'given'), [*MISSED, *PARTS])
+def test_what_a_tick_cannot_use_is_refused_by_name(model, task, name, given):
     controller = controller_of(model)
     first = controller.update(task.start, DX)
-    with pytest.raises(RangeError, match='missed'):
-        controller.update(first.q_ref, DX, missed=missed)
+    with pytest.raises(RangeError if name == 'missed' else ArrayError, match=name):
+        controller.update(first.q_ref, DX, **{name: given})
     assert np.isfinite(controller.update(first.q_ref, DX).q_ref).all()
 
 

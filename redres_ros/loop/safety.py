@@ -201,9 +201,9 @@ class ProgressMonitor:
         self._error = 0.0
         self.active_limits: Callable[[], str] = str  # that acted last, in words
 
-    def redirect(self, t: Seconds) -> None:
-        """Begin anew at a time t of the path, which leads elsewhere now, if that goes on."""
-        if abs(t - self._t) > _STEP:
+    def redirect(self, t: Seconds, *, is_reached: bool) -> None:
+        """Begin anew at a time t of the path, which leads elsewhere, if it goes on or ends here."""
+        if is_reached or abs(t - self._t) > _STEP:
             self._t = t
             self.begin()
 

@@ -328,7 +328,7 @@ class TaskExecutor:
         execution.goal = goal
         is_reached = follower.is_reached(arm.x, arm.R if self._turns else None)
         self.state = TaskState.FINISHED if is_reached else TaskState.MOVING
-        self.monitor.redirect(np.inf if is_reached else self.clock.t)
+        self.monitor.redirect(self.clock.t, is_reached=is_reached)
         return True
 
     def _end_after(self, silence: Seconds) -> None:
