@@ -123,8 +123,8 @@ def test_the_law_is_the_first_step_of_the_dense_problem(robot, effort, pose):
     L, Y = np.empty((K, n, n)), np.empty((K, n, width(n)))
     far = np.full(n, -10.0), np.full(n, 10.0)
     trust, _ = plan_motion(
-        *(state.q, state.dq_prev, T, h, damping, *far, *model.kinematics.chain),
-        *(path.times, path.positions, path.rotations, T, *_NO_PLAN[:5]),
+        *(state.q, state.dq_prev, (T, h, damping, *far), model.kinematics.chain),
+        *((path.times, path.positions, path.rotations), T, _NO_PLAN[:5]),
         *(*given, nodes, L, Y, W, b),
     )
     A, e = linearised(model, nodes, path, m, h)

@@ -58,6 +58,11 @@ _VECTOR = float64[::1]
 _MATRIX = float64[:, ::1]
 _ARRAY = float64[:, :, ::1]
 
+# What a motion is planned within: T, h, damping, and the lower and upper ends of ranges, (n,).
+_Problem = tuple[float, float, float, np.ndarray, np.ndarray]
+_PROBLEM = several(float64, float64, float64, vector(), vector())
+_CHAIN = several(_ARRAY, _MATRIX, int64[::1], boolean[::1])
+
 
 def width(n: int) -> int:
     """w, for n joints."""
@@ -180,7 +185,7 @@ def _merit(
     v: np.ndarray,
     nodes: np.ndarray,
     e: np.ndarray,
-    problem: tuple[float, float, float, np.ndarray, np.ndarray],
+    problem: _Problem,
 ) -> float:
     """The cost of nodes after a first step at the velocity v."""
     T, h, damping, lower, upper = problem
@@ -232,13 +237,14 @@ def _solve_transposed(L: np.ndarray, x: np.ndarray) -> None:
 
 @compiled(
     void(
-        *(vector(), vector(), _MATRIX, _ARRAY, float64, _ARRAY, _MATRIX, _ARRAY, _ARRAY),
-        *(_MATRIX, _VECTOR, float64, float64, float64, vector(), vector()),
+        *(vector(), vector(), _PROBLEM, _MATRIX, _ARRAY, float64, _ARRAY, _MATRIX),
+        *(_ARRAY, _ARRAY, _MATRIX, _VECTOR),
     )
 )
 def _recurse(
     q: np.ndarray,
     v: np.ndarray,
+    problem: _Problem,
     nodes: np.ndarray,
     A: np.ndarray,
     trust: float,
@@ -248,15 +254,11 @@ def _recurse(
     Y: np.ndarray,
     W: np.ndarray,
     b: np.ndarray,
-    T: float,
-    h: float,
-    damping: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
 ) -> None:
     """Write L (K, n, n) and Y (K, n, w) of the steps but the first, and W and b of the first one,
     (n, n), (n,). R (K + 1, n, n) and r (K + 1, n) may be empty, for I and 0.
     """
+    T, h, damping, lower, upper = problem
     K, n = nodes.shape
     w = Y.shape[2]
     weighted = len(R) > 0
@@ -450,7 +452,7 @@ def _sample(times: np.ndarray, values: np.ndarray, t: float, out: np.ndarray) ->
 def _next_nodes(
     q: np.ndarray,
     v: np.ndarray,
-    problem: tuple[float, float, float, np.ndarray, np.ndarray],
+    problem: _Problem,
     path: tuple[np.ndarray, np.ndarray],
     chain: tuple[np.ndarray, ...],
     elapsed: float,
@@ -497,33 +499,19 @@ def _next_nodes(
 @direct
 @compiled(
     several(float64, float64)(
-        *(vector(), vector(), float64, float64, float64, vector(), vector()),
-        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _VECTOR, _MATRIX, _MATRIX, float64),
-        *(_MATRIX, _ARRAY, _ARRAY, float64, float64),
-        *(_ARRAY, _MATRIX, _MATRIX, _ARRAY, _ARRAY, _MATRIX, _VECTOR),
+        *(vector(), vector(), _PROBLEM, _CHAIN, several(_VECTOR, _MATRIX, _MATRIX), float64),
+        *(several(_MATRIX, _ARRAY, _ARRAY, float64, float64), _ARRAY, _MATRIX),
+        *(_MATRIX, _ARRAY, _ARRAY, _MATRIX, _VECTOR),
     )
 )
 def plan_motion(
     q: np.ndarray,
     v: np.ndarray,
-    T: float,
-    h: float,
-    damping: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    turns: np.ndarray,
-    offsets: np.ndarray,
-    joints: np.ndarray,
-    slides: np.ndarray,
-    times: np.ndarray,
-    positions: np.ndarray,
-    rotations: np.ndarray,
+    problem: _Problem,
+    chain: tuple[np.ndarray, ...],
+    announced: tuple[np.ndarray, np.ndarray, np.ndarray],
     elapsed: float,
-    old_nodes: np.ndarray,
-    old_L: np.ndarray,
-    old_Y: np.ndarray,
-    trust: float,
-    merit: float,
+    old: tuple[np.ndarray, np.ndarray, np.ndarray, float, float],
     R: np.ndarray,
     r: np.ndarray,
     nodes: np.ndarray,
@@ -535,12 +523,13 @@ def plan_motion(
     """Write the nodes (K, n) of a plan from (q, v), and what _recurse() makes of them; the trust
     put in it, -1 for a path that begins farther than _LONGEST from the tip, and its merit.
 
-    The path is given by `times` (N,), positions (N, 3), and rotations (N, 9) or empty.
+    The path is announced by times (N,), positions (N, 3), and rotations (N, 9) or empty, the old
+    plan is its nodes, L, Y, trust and merit, some time ago; without one the nodes are empty.
     """
+    times, positions, rotations = announced
+    T, h = problem[:2]
     v = v.copy()  # contiguous, as q for _place(): parts are compiled for one type alone
     K, n = nodes.shape
-    chain = turns, offsets, joints, slides
-    problem = T, h, damping, lower, upper
     x = np.empty(3)
     _place(q.copy(), chain, np.empty((0, n)), x, np.empty((3, 3)))
     first = np.empty(3)
@@ -556,48 +545,41 @@ def plan_motion(
             _sample(times, rotations, t, path[1][j].reshape(9))
     A = np.empty((K, m, Y.shape[2]))
     e = np.empty((K, m))
-    if len(old_nodes):
-        old = old_nodes, old_L, old_Y, trust, merit
+    trust = old[3]
+    if len(old[0]):
         trust, merit = _next_nodes(q, v, problem, path, chain, elapsed, old, nodes, A, e)
     else:
         _guess(q, path, chain, nodes, A, e)
         for _ in range(_WARM):
-            _recurse(q, v, nodes, A, trust, L[:0], W[:0], L, Y, W, b, *problem)
+            _recurse(q, v, problem, nodes, A, trust, L[:0], W[:0], L, Y, W, b)
             old = nodes.copy(), L, Y, trust, 0.0
             trust, merit = _next_nodes(q, v, problem, path, chain, T, old, nodes, A, e)
-    _recurse(q, v, nodes, A, trust, R, r, L, Y, W, b, *problem)
+    _recurse(q, v, problem, nodes, A, trust, R, r, L, Y, W, b)
     return trust, merit
 
 
 @direct
 @compiled(
     void(
-        *(vector(), _MATRIX, _ARRAY, float64, vector(), vector()),
-        *(_ARRAY, _MATRIX, int64[::1], boolean[::1], _MATRIX),
+        *(vector(), several(_MATRIX, _ARRAY), float64, vector(), vector(), _CHAIN, _MATRIX),
     )
 )
 def improve_motion(
     q: np.ndarray,
-    X: np.ndarray,
-    turned: np.ndarray,
+    path: tuple[np.ndarray, np.ndarray],
     T: float,
     lower: np.ndarray,
     upper: np.ndarray,
-    turns: np.ndarray,
-    offsets: np.ndarray,
-    joints: np.ndarray,
-    slides: np.ndarray,
+    chain: tuple[np.ndarray, ...],
     nodes: np.ndarray,
 ) -> None:
     """Improve nodes (K, n), one for every T, from rest at q, until they are an optimum of the whole
-    path X (K, 3), turned (K, 3, 3), or empty.
+    path, (K, 3), and (K, 3, 3) or empty.
 
     Each iterate is moved onto the path, so that merits compare motions along it.
     """
     K, n = nodes.shape
-    m = 6 if len(turned) else 3
-    chain = turns, offsets, joints, slides
-    path = X, turned
+    m = 6 if len(path[1]) else 3
     problem = T, T, 0.0, lower, upper
     v = np.zeros(n)
     L = np.empty((K, n, n))
@@ -612,7 +594,7 @@ def improve_motion(
     merit = _merit(q, v, nodes, e, problem)
     stalled = 0
     for _ in range(_MOST_ITERATIONS):
-        _recurse(q, v, nodes, A, trust, L[:0], W[:0], L, Y, W, b, *problem)
+        _recurse(q, v, problem, nodes, A, trust, L[:0], W[:0], L, Y, W, b)
         _roll_out(q, v, T, 0.0, L, Y, other)
         _approach_path(other, path, 2, _ON_PATH, chain, A, e)
         after = _merit(q, v, other, e, problem)

@@ -63,11 +63,11 @@ def look_ahead(
     W = np.empty((n, n))
     b = np.empty(n)
     # as much as one more step, that is free, would still cost
-    settings = T, h, damping / (1.0 + damping * h)
+    problem = T, h, damping / (1.0 + damping * h), *model.inner_range
+    announced = path.times, path.positions, path.rotations
     trust, merit = plan_motion(
-        *(state.q, state.dq_prev, *settings, *model.inner_range, *model.kinematics.chain),
-        *(path.times, path.positions, path.rotations, ahead.elapsed, *plan[:5]),
-        *(R, r, nodes, L, Y, W, b),
+        *(state.q, state.dq_prev, problem, model.kinematics.chain, announced, ahead.elapsed),
+        *(plan[:5], R, r, nodes, L, Y, W, b),
     )
     if not trust > 0.0:
         return None

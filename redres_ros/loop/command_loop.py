@@ -19,6 +19,7 @@ from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, ne
 from redres_ros.loop.safety import LAG_TIME, FaultMonitor, ProgressMonitor, SafetyFilter
 from redres_ros.loop.velocity_input import AUTO, LoopSettings, VelocityInput
 from redres_ros.preview import Preview
+from redres_ros.robot_model import Correction
 from redres_ros.types import (
     Cycles,
     JointPositions,
@@ -31,7 +32,6 @@ from redres_ros.types import (
 
 _AT_REST = 1e-4  # [rad/s]
 _PATIENCE = 1.0  # [s] for an arm that is to come to rest
-_TWIST = 6  # rows of a task velocity that has components to hold
 _ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # A robot that holds executes the second alone of two responses that it gets in one cycle. A state
 # that comes so shortly after a response was sent was published before that arrived.
@@ -333,8 +333,7 @@ class CommandLoop:
             self.faults.set(str(error))
             blocked = True
             self.mode = Mode.STOPPING
-            retreats = self.measurements.contact.retreat is not None
-            controller.hold(at_once=retreats)  # it may press on
+            controller.hold(at_once=self.measurements.contact.retreat is not None)  # may press on
             self.measurements.restart()
             controller.published = before
             command = self._command(state.q, dx, missed)
@@ -412,9 +411,8 @@ class CommandLoop:
         published = self._controller.published
         fastest = 0.0 if published is None else largest(published.dq)  # [rad/s]
         allowed = not (blocked or stale)
-        # The source of other velocities closes a loop, to which the least of them matters.
-        is_steered = not (self.input.is_of_joints or self.input.is_of_state)
-        asked = allowed and largest(dx) > (NOTHING if is_steered else _ROUNDING)
+        # A planner closes a loop, to which the least velocity matters.
+        asked = allowed and largest(dx) > (NOTHING if self.input.is_steered else _ROUNDING)
         if (self._yields_alone or measurements.asks) and not blocked and not faults.reason:
             # An arm that only follows what is measured comes to rest after it by itself; one whose
             # velocity ends brakes first.
@@ -489,62 +487,80 @@ class CommandLoop:
             self._progress.active_limits = command.active_limit or str
             self._progress.enter(T, 0, -self._executed, 0.0, 'hardly anything executed')
 
+    # --- what a mode publishes --------------------------------------------------------------------
+
     def _command(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
-        """The command of the mode in force, along an approach or the input velocity dx.
+        """The command of the mode in force, for the input velocity dx.
 
         Raises RedresError if there is none.
         """
-        controller = self._controller
-        measurements = self.measurements
         if self.mode not in MOVING_MODES:
-            if self.mode is Mode.MIRRORING or controller.published is None:
-                controller.hold_at(q)
-                self._held_reference.begin(q)
-            self.safety_filter.reason = ''
-            return controller.hold_command()
-        correction = None
-        ahead = None
-        is_yielding = False
-        asked = None
+            return self._rest(q)
         if self.mode is Mode.STOPPING:
-            along = np.zeros(controller.m)
+            along = np.zeros(self._controller.m)
             if self.faults.is_lost:
                 along = self._held_reference.catch_up(q)
-        elif self._approach is not None:
+            return self._move(q, along, missed)
+        if self._approach is not None or self.input.is_of_joints:
             self._pose_hold.clear()
-            along = approach_velocity(controller, self._approach)
-        else:
-            is_of_task = not self.input.is_of_joints
-            is_yielding = measurements.yields and is_of_task
-            is_steered = is_of_task and not self.input.is_of_state
-            leads = is_of_task and not (is_steered or is_yielding) and largest(dx) > _ROUNDING
-            if self.preview and controller.horizon and leads:  # a planner that does not wait
-                begin, path = self.preview
-                ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
-            scaling = self.input.settings.scaling
-            if scaling == AUTO:
-                scaling = 'components' if is_steered else 'task'
-            if scaling != controller.policy.scaling:
-                controller.set_scaling(scaling)
-            asked = dx
-            if len(dx) == _TWIST and is_of_task:  # what yields is not held
-                is_held = is_steered and not is_yielding
-                dx, correction = self._pose_hold.hold(dx, is_open_loop=is_held)
-            else:
-                self._pose_hold.clear()
-            along = dx
-            if is_yielding:
-                asked = None
-                along = measurements.contact.velocity(dx, measurements.state(q), missed)
-        plan = controller.plan(q, along, missed, correction, ahead)
-        self._before = plan.base
-        command = controller.commit(self.safety_filter.admit(plan))
-        if asked is not None:
-            self._watch_progress(asked, command)
-        if is_yielding:
-            measurements.contact.record(command, dx)
-        end = self._approach
-        moves = self.mode is Mode.MOVING
-        if end is not None and moves and largest(end - controller.reference) <= ARRIVED:
+        if self._approach is not None:
+            return self._approach_arm(self._approach, q, missed)
+        scaling = self.input.settings.scaling
+        if scaling == AUTO:
+            scaling = 'components' if self.input.is_steered else 'task'
+        if scaling != self._controller.policy.scaling:
+            self._controller.set_scaling(scaling)
+        if self.measurements.yields and not self.input.is_of_joints:
+            return self._yield(q, dx, missed)
+        return self._follow(q, dx, missed)
+
+    def _rest(self, q: JointPositions) -> Command:
+        """The last reference again; while mirroring, where the arm is."""
+        controller = self._controller
+        if self.mode is Mode.MIRRORING or controller.published is None:
+            controller.hold_at(q)
+            self._held_reference.begin(q)
+        self.safety_filter.reason = ''
+        return controller.hold_command()
+
+    def _approach_arm(self, end: JointPositions, q: JointPositions, missed: Cycles) -> Command:
+        """Towards where the arm is, before it follows anything."""
+        command = self._move(q, approach_velocity(self._controller, end), missed)
+        if largest(end - self._controller.reference) <= ARRIVED:
             self._end_approach()
         return command
+
+    def _yield(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
+        """Along dx and what the contact adds; nothing is held against it."""
+        measurements = self.measurements
+        dx, _ = self._pose_hold.hold(dx, is_open_loop=False)
+        along = measurements.contact.velocity(dx, measurements.state(q), missed)
+        command = self._move(q, along, missed)
+        measurements.contact.record(command, dx)
+        return command
+
+    def _follow(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
+        """Along dx; where a planner asks for it, on the path that it has announced."""
+        ahead = None
+        is_planned = not (self.input.is_steered or self.input.is_of_joints)
+        moves_on = is_planned and largest(dx) > _ROUNDING  # and does not wait
+        if self.preview and self._controller.horizon and moves_on:
+            begin, path = self.preview
+            ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
+        along, correction = self._pose_hold.hold(dx, is_open_loop=self.input.is_steered)
+        command = self._move(q, along, missed, correction, ahead)
+        self._watch_progress(dx, command)
+        return command
+
+    def _move(
+        self,
+        q: JointPositions,
+        along: TaskVelocity,
+        missed: Cycles,
+        correction: Correction | None = None,
+        ahead: Preview | None = None,
+    ) -> Command:
+        """The controller's command, through the safety filter."""
+        plan = self._controller.plan(q, along, missed, correction, ahead)
+        self._before = plan.base
+        return self._controller.commit(self.safety_filter.admit(plan))

@@ -177,8 +177,10 @@ class PoseHold:
         """The twist, and what only holds; that is None if nothing is held."""
         controller = self._controller
         task = controller.policy.task
-        acts = is_open_loop or self._targets or largest(self._added) > 0.0
-        if not acts or not isinstance(task, Pose) or controller.published is None:
+        begins = is_open_loop and isinstance(task, Pose)
+        if not (begins or self._targets or largest(self._added) > 0.0):
+            return dx, None
+        if not isinstance(task, Pose) or controller.published is None:
             self.clear()
             return dx, None
         q = controller.published.q

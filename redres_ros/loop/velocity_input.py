@@ -202,6 +202,7 @@ class VelocityInput:
         buffer: The one in use: of_task or of_joints.
         is_of_joints: Velocities of all joints are in use.
         is_of_state: The newest velocity was computed from a state; an operator's is not.
+        is_steered: It is of the task, and not computed from a state.
     """
 
     def __init__(
@@ -216,6 +217,7 @@ class VelocityInput:
         self.buffer = self.of_task
         self.is_of_joints = False
         self.is_of_state = True
+        self.is_steered = False
         self._controller = controller
         self._cycles = cycles
         self._cycle = 0  # in which the newest velocity came
@@ -254,6 +256,7 @@ class VelocityInput:
             self.buffer.clear()
             self._controller.follow_joints(of_joints)
         self.is_of_state = stamp > 0 and cycles.is_of_a_state(stamp)
+        self.is_steered = not (of_joints or self.is_of_state)
         self._cycle = cycles.number
         self._arrived = now
         self.buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)

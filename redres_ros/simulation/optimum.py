@@ -41,9 +41,8 @@ def best_motion(
     for recording in finished[:_STARTS]:
         motion = recording.vectors('q1')
         nodes = np.array([np.interp(times, recording['t'], q) for q in motion.T]).T.copy()
-        improve_motion(
-            motion[0].copy(), X, turned, T, model.q_min, model.q_max, *model.kinematics.chain, nodes
-        )
+        ranges = model.q_min, model.q_max
+        improve_motion(motion[0].copy(), (X, turned), T, *ranges, model.kinematics.chain, nodes)
         q = np.vstack((motion[0], nodes))
         dq = np.diff(q, axis=0, prepend=q[:1]) / T
         effort = float((np.diff(dq, axis=0) ** 2).sum() / T)
