@@ -14,7 +14,7 @@ import pytest
 
 from redres_ros import LAWS, Controller, RedresError, RobotModel, load_task, make_law
 from redres_ros.cli import main, make_parser
-from redres_ros.cli.motion import find_motion, node_parameters
+from redres_ros.cli.motion import find_motions, node_parameters
 from redres_ros.robots import ARMS
 from redres_ros.robots.joint_limits import with_accelerations
 from redres_ros.simulation.closed_loop import run
@@ -50,8 +50,8 @@ def test_simulate_writes_the_columns_that_users_rely_on_and_reports_the_end(
 
 @pytest.mark.parametrize('law', LAWS)
 def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
-    damping = ('--damping', '20') if LAWS[law].has_memory else ()
-    table = simulate(short, tmp_path / 'motion.csv', '--law', law, '--period', '0.002', *damping)
+    given = f'{law}@20' if LAWS[law].has_memory else law
+    table = simulate(short, tmp_path / 'motion.csv', '--law', given, '--period', '0.002')
     controller = Controller(RobotModel.named('lwr4_paper'), make_law(law, damping=20.0), 0.002)
     assert table.tobytes() == run(controller, load_task(short)).data.tobytes()
 
@@ -109,6 +109,23 @@ def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_pa
 
 REFUSED = [
     ('simulate --law fastest', "unknown law 'fastest'; allowed: dynamically_consistent, "),
+    (
+        'compare --law minimum_velocity@x',
+        '--law minimum_velocity@x; expected a name, NAME@DAMPING ',
+    ),
+    ('compare --law minimum_velocity@-1', 'damping is -1.0; allowed: 0 to 1'),
+    ('demo --law minimum_velocity@5', '--law minimum_velocity@5; minimum_velocity has no velocity'),
+    ('simulate --law fastest@horizon=1', "unknown law 'fastest'"),
+    (
+        'simulate --law minimum_velocity@horizon=1',
+        "unknown gain of minimum_velocity 'horizon'; all",
+    ),
+    ('compare --law minimum_acceleration@horizon=20', 'horizon is 20.0; allowed: 0 to 10'),
+    ('compare --law minimum_velocity,minimum_velocity', '--law minimum_velocity is named twice'),
+    (
+        'compare --law minimum_acceleration,minimum_acceleration@10',
+        '--law minimum_acceleration, k_d = 10 1/s is named twice',
+    ),
     ('simulate --task circle', "unknown task 'circle'; allowed: "),
     ('simulate --task none.yaml', 'cannot read none.yaml'),
     ('simulate --robot r2d2', "unknown robot 'r2d2'; allowed: a path ending in .urdf, "),
@@ -378,7 +395,7 @@ def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_leave_nothi
     path = tmp_path / 'arm.urdf'
     path.write_text(RobotModel.named('planar4r').arm.description())
     setting = ['--tip', 'tool0', '--set', 'acceleration_limit=[1, 2, 3, 4]']
-    motion = find_motion(
+    [motion] = find_motions(
         make_parser().parse_args(['simulate', '--robot', str(path), *setting]), ['minimum_torque']
     )
     assert node_parameters(motion)['acceleration_limit'] == (1.0, 2.0, 3.0, 4.0)

@@ -132,26 +132,6 @@ def test_the_command_writes_plot_and_data(tmp_path, capsys):
     }
 
 
-@pytest.mark.parametrize(
-    ('laws', 'words'),
-    [
-        ('foo', ('foo', 'minimum_velocity')),
-        ('minimum_velocity@x', ('NAME@DAMPING',)),
-        ('minimum_velocity@-1', ('-1',)),
-        ('minimum_velocity@5', ('no damping',)),
-        ('minimum_velocity@horizon=1', ('horizon', 'damping')),
-        ('minimum_acceleration@horizon=20', ('horizon', '20', '10')),
-        ('minimum_velocity,minimum_velocity', ('twice',)),
-        ('minimum_acceleration,minimum_acceleration@10', ('twice',)),
-    ],
-)
-def test_bad_laws_get_one_line(tmp_path, capsys, laws, words):
-    assert main(['compare', '--law', laws, '--out', str(tmp_path)]) == 1
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert all(word in lines[0] for word in words)
-
-
 def test_every_public_name_is_there_and_completes():
     assert {'run', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
     assert all(hasattr(redres_ros, name) for name in dir(redres_ros))

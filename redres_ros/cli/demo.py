@@ -76,18 +76,18 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
-    from redres_ros.cli.motion import find_motion, node_parameters
+    from redres_ros.cli.motion import find_motions, node_parameters
     from redres_ros.demo.demo import START_PATIENCE, Demo
     from redres_ros.laws import HORIZON
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.parameter import Parameter, check_value
 
     check_value('period', options.period, Parameter('', 1.0 / max(RATES), 1.0 / min(RATES)))
-    motion = find_motion(options, [options.law])
+    [motion] = find_motions(options, [options.law])
     # As the nodes have it; in lock-step no path is sent ahead.
     gains = {'horizon': 0.0 if options.lockstep else HORIZON, **motion.case.gains}
     motion = motion._replace(case=replace(motion.case, gains=gains))
-    motion.law(options.law).check_damping(options.period)
+    motion.law().check_damping(options.period)
     plugins = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     parameters = {**node_parameters(motion), 'plugins': plugins}
     page = {'patience': START_PATIENCE, 'plugins': plugins}

@@ -37,9 +37,9 @@ class _NamedMotion(NamedTuple):
     case: Case
     acceleration_limit: str | tuple[float, ...]  # as given; empty: the arm's own
 
-    def law(self, name: str) -> Law:
-        """The law of that name with the gains of the case."""
-        return LAWS.resolve(name, self.case.gains)
+    def law(self, name: str = '') -> Law:
+        """The law of that name, or of the case, with the gains of the case."""
+        return LAWS.resolve(name or self.case.law, self.case.gains)
 
     @property
     def title(self) -> str:
@@ -58,11 +58,11 @@ class _NamedMotion(NamedTuple):
         return make_controller(self.case, self.model, pose=pose, switch_time=switch_time)
 
 
-def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotion:
-    """The motion under the first of some laws in use; the paper's without a task and a robot.
+def find_motions(options: argparse.Namespace, laws: Sequence[str]) -> list[_NamedMotion]:
+    """The motion under each of some laws; the paper's without a task and a robot.
 
-    Raises RedresError for an unknown name, a file that cannot be used, a task and a robot that do
-    not go together, or a gain of what is not in use.
+    A law is NAME, NAME@DAMPING or NAME@GAIN=VALUE. Raises RedresError for an unknown name, a file
+    that cannot be used, a task and a robot that do not go together, or a gain that is not in use.
     """
     name = options.task or ('' if options.robot else 'rectangle')
     robot = options.robot or load_task(name).robot
@@ -79,11 +79,29 @@ def find_motion(options: argparse.Namespace, laws: Sequence[str]) -> _NamedMotio
     if options.robot or options.tip or task.times is not None:
         _check_start(task, model)
     case = _find_case(options, laws, settings)
-    return _NamedMotion(name or arm.task, task, model, case, given)
+    cases = [_with_law(case, text) for text in laws]
+    return [_NamedMotion(name or arm.task, task, model, each, given) for each in cases]
+
+
+def _with_law(case: Case, text: str) -> Case:
+    """The case under a law, with its own gain in place of the case's."""
+    name, at, own = text.partition('@')
+    if not at:
+        return replace(case, law=name)
+    gain, _, value = own.rpartition('=')
+    expected = 'a name, NAME@DAMPING or NAME@GAIN=VALUE, such as minimum_acceleration@horizon=2'
+    gains = {**case.gains, gain or 'damping': number_in('--law', text, value, expected)}
+    law = LAWS.resolve(name, gains)
+    known = [each.key for each in LAWS.gains(name)]
+    if gain and gain not in known:
+        raise UnknownNameError(f'gain of {name}', gain, known)
+    if not gain and not law.has_memory:
+        raise OptionError(f'--law {text}; {name} has no velocity history, and so no damping')
+    return replace(case, law=name, gains=gains)
 
 
 def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[str, Any]) -> Case:
-    """The case under the first of some laws."""
+    """The case of some laws, before one of them is chosen."""
     check_value('period', options.period, SAMPLING_TIME)
     limits: tuple[str, ...] = ()
     if options.limits != NONE:
@@ -91,8 +109,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
     preferences = [text.partition('=') for text in options.prefer or ()]
     case = Case(
         options.robot or 'lwr4_paper',
-        laws[0],
-        options.period,
+        T=options.period,
         limits=limits,
         limit_scale=options.limit_scale,
         torque_scale=options.torque_scale,

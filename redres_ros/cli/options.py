@@ -114,18 +114,16 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     option(arm, '--dynamics', 'NAME', dynamics, 'identified')
 
     law = parser.add_argument_group('law')
-    name = 'a name from `redres laws`'
-    names = 'names from `redres laws`, each with its own damping if wanted, such as '
-    names += 'minimum_acceleration@5'
+    name = 'from `redres laws`; with its own damping or gain: minimum_acceleration@5, @horizon=2'
     damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
     prefer = 'preferences in the null space, such as joint_centering=4'
     secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
     gains = 'gains as in a parameter file, such as posture.gain=4; `redres laws` lists them; '
     gains += "or acceleration_limit='[10, 10, ...]', of each joint [rad/s^2], or MoveIt's file"
     if several_laws:
-        option(law, '--law', 'A,B,...', names, several_laws, dest='laws')
+        option(law, '--law', 'A,B,...', f'names {name}', several_laws, dest='laws')
     else:
-        option(law, '--law', 'NAME', name, 'minimum_acceleration')
+        option(law, '--law', 'NAME', f'a name {name}', 'minimum_acceleration')
     option(law, '--damping', 'K_D', damping, type=float)
     several: dict[str, Any] = {'nargs': '+', 'action': 'extend'}
     option(law, '--prefer', 'NAME[=GAIN]', prefer, **several)

@@ -1,9 +1,8 @@
 """`redres simulate` and `redres compare`: motions in the paper's ideal loop, without ROS."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from redres_ros.cli.options import (
     DEMO_LIMITS,
@@ -13,12 +12,8 @@ from redres_ros.cli.options import (
     add_loop,
     add_motion,
     check_writable,
-    number_in,
     option,
 )
-
-if TYPE_CHECKING:
-    from redres_ros.simulation.batch import Case
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_acceleration@horizon=2'
 
@@ -53,11 +48,11 @@ def add(commands: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from redres_ros.cli.motion import find_motion
+    from redres_ros.cli.motion import find_motions
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peak_table, print_tables, progress_bar
 
-    motion = find_motion(options, [options.law])
+    [motion] = find_motions(options, [options.law])
     controller = motion.controller(options.switch_time)
     if options.out:
         check_writable(options.out)
@@ -75,22 +70,20 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from redres_ros.cli.motion import find_motion
+    from redres_ros.cli.motion import find_motions
     from redres_ros.simulation.batch import in_parallel
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.optimum import best_motion
     from redres_ros.simulation.plots import draw_norms, save
     from redres_ros.simulation.recording import Effort
-    from redres_ros.simulation.report import comparison_tables, print_tables, progress_bar
+    from redres_ros.simulation.report import comparison_tables, label, print_tables, progress_bar
 
-    laws = [text.strip().partition('@') for text in options.laws.split(',')]
-    motion = find_motion(options, [name for name, _, _ in laws])
     motions = {}
-    for name, at, own in laws:
-        label, case = _contender(motion.case, name, own if at else None)
-        if label in motions:
-            raise OptionError(f'--law {label} is named twice')
-        motions[label] = motion._replace(case=case)
+    for motion in find_motions(options, [text.strip() for text in options.laws.split(',')]):
+        name = label(motion.law())
+        if name in motions:
+            raise OptionError(f'--law {name} is named twice')
+        motions[name] = motion
     for each in motions.values():
         each.controller()
     out = options.out
@@ -120,29 +113,9 @@ def _compare(options: argparse.Namespace) -> int:
     print(f'every tick in {out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
-    steady = [name for name, each in motions.items() if not each.law(each.case.law).has_memory]
+    steady = [name for name, each in motions.items() if not each.law().has_memory]
     if steady and (options.prefer or options.damping is not None):
         print(f'preferences and damping do not act on {", ".join(steady)}')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
-
-
-def _contender(case: 'Case', name: str, own: str | None) -> 'tuple[str, Case]':
-    """The label of a law, and the case under it; a gain of its own comes before the case's."""
-    from redres_ros.errors import UnknownNameError
-    from redres_ros.laws import LAWS
-    from redres_ros.simulation.report import label
-
-    gains = dict(case.gains)
-    gain, _, value = (own or '').rpartition('=')
-    if own is not None:
-        expected = 'a name, NAME@DAMPING or NAME@GAIN=VALUE, such as minimum_acceleration@horizon=2'
-        gains[gain or 'damping'] = number_in('--law', f'{name}@{own}', value, expected)
-        known = [each.key for each in LAWS.gains(name)]
-        if gain and gain not in known:
-            raise UnknownNameError(f'gain of {name}', gain, known)
-    law = LAWS.resolve(name, gains)
-    if own is not None and not gain and not law.has_memory:
-        raise OptionError(f'--law {name}@{own}; {name} has no velocity history, and so no damping')
-    return label(law), replace(case, law=name, gains=gains)
