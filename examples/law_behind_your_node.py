@@ -3,6 +3,7 @@
 Start a robot first, the fake one with `redres_sim`, then: python examples/law_behind_your_node.py
 """
 
+import contextlib
 import math
 import signal
 
@@ -63,12 +64,10 @@ class UpAndDown(Node):
 
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = UpAndDown()
-try:
+with contextlib.suppress(KeyboardInterrupt):
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     while node.t < DURATION:
         rclpy.spin_once(node, timeout_sec=0.1)
-except KeyboardInterrupt:
-    pass
 if node.heights:
     print(f'the tip moved up and down by {max(node.heights) - min(node.heights):.3f} m')
 rclpy.shutdown()

@@ -16,20 +16,24 @@ import contextlib
 import math
 import signal
 import sys
+import time
+from functools import partial
 
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 CAMERA = 1.0 / 30.0  # [s] from one picture to the next
 RADIUS = 0.04  # of the target's circle [m]
 TURN = 5.0  # [s] for a round
 GAIN = 3.0  # [1/s], of what is seen; a camera that is a frame late needs a low one
 FASTEST = 0.2  # [m/s]
+WORDS = ('controller/mode', 'sim/stop_reason')  # topics
 
 
 class Servo(Node):
@@ -43,13 +47,20 @@ class Servo(Node):
         self.pictures = 0
         self.errors: list[float] = []  # [m]
         self.states: list[tuple[float, np.ndarray]] = []  # stamp [s], q
+        self.last_tip = time.monotonic()  # when the last pose of the tip came [s]
+        self.words: dict[str, String] = {}  # the newest, by topic
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.create_subscription(PoseStamped, 'controller/tip_pose', self.on_tip, newest)
         self.create_subscription(JointState, 'joint_states', self.on_state, newest)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for topic in WORDS:
+            keep = partial(self.words.__setitem__, topic)
+            self.create_subscription(String, topic, keep, latched)
         self.twists = self.create_publisher(TwistStamped, 'cartesian_velocity', 1)
 
     def on_tip(self, message: PoseStamped) -> None:
         """Take a picture whenever it is time for one."""
+        self.last_tip = time.monotonic()
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         if stamp - self.pictured >= CAMERA:
             self.pictured = stamp
@@ -76,9 +87,7 @@ class Servo(Node):
 
     def steer(self, dx: np.ndarray, frame: str) -> None:
         """Send a task velocity (3,) [m/s] along a frame's axes that is to act now."""
-        speed = float(np.linalg.norm(dx))
-        if speed > FASTEST:
-            dx = dx * (FASTEST / speed)
+        dx = dx * FASTEST / max(float(np.linalg.norm(dx)), FASTEST)
         message = TwistStamped()  # its stamp is zero: now
         message.header.frame_id = frame
         message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = dx.tolist()
@@ -104,12 +113,14 @@ with contextlib.suppress(KeyboardInterrupt):
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     while servo.pictures * CAMERA < options.seconds:
         rclpy.spin_once(servo, timeout_sec=0.1)
+        if time.monotonic() > servo.last_tip + 30.0:
+            sys.exit('no pose of the tip comes: start redres_sim and redres_controller first')
 servo.steer(np.zeros(3), '')
-if not servo.errors:
-    sys.exit('no states of the robot came: start redres_sim and redres_controller first')
+mode, reason = (servo.words.get(topic, String()).data for topic in WORDS)
+if mode != 'moving':
+    sys.exit(f'the tip does not follow: controller/mode {mode}, sim/stop_reason {reason}')
 late = servo.errors[len(servo.errors) // 3 :]
 behind = 1e3 * float(np.median(late))
-print(
-    f'{servo.pictures} pictures; the tip was {behind:.1f} mm behind, {1e3 * max(late):.1f} at most'
-)
+most = 1e3 * max(late)
+print(f'{servo.pictures} pictures; the tip was {behind:.1f} mm behind, {most:.1f} at most')
 print(f'no joint accelerated by more than {fastest_change(servo.states):.2f} rad/s^2')

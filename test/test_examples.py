@@ -100,6 +100,18 @@ def test_a_learned_policy_leads_the_tip_round_its_circle(tmp_path: Path) -> None
     assert moved == pytest.approx(50.0 * math.sin(t), abs=8.0)
 
 
+@pytest.mark.parametrize('name', ['learned_policy', 'visual_servoing'])
+def test_a_client_of_a_robot_that_stops_fails_and_says_why(name: str, tmp_path: Path) -> None:
+    sim = {'patience': 60.0, 'acceleration_limit': (0.5,) * 7}
+    with (
+        started(tmp_path, sim=sim, controller={'limits': ('none',)}, planner={}),
+        pytest.raises(
+            AssertionError, match='not follow: controller/mode mirroring, .* protective stop'
+        ),
+    ):
+        run(name)
+
+
 @pytest.mark.parametrize('name', ['law_behind_your_node', 'visual_servoing', 'behind_ros2_control'])
 def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str, tmp_path: Path) -> None:
     with (
