@@ -58,9 +58,8 @@ def test_acceleration_is_limited_at_the_limit(joint):
     validator = CommandValidator(LIMITS, T, LWR)
     limit = LIMITS.acceleration[joint]
     assert violation_on_the_way(validator, accelerated(0.999 * limit, joint, 40)) == ''
-    assert LIMITS.joint_names[joint] in violation_on_the_way(
-        validator, accelerated(1.01 * limit, joint, 40)
-    )
+    reason = violation_on_the_way(validator, accelerated(1.01 * limit, joint, 40))
+    assert LIMITS.joint_names[joint] in reason
 
 
 @pytest.mark.parametrize(('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.01251, 16.0)])
@@ -86,12 +85,10 @@ def test_an_excess_is_forgotten_as_it_is_made_up_for():
 
 def test_the_window_is_that_of_the_profile_and_at_least_a_cycle():
     wide = CommandValidator(LIMITS, T, replace(LWR, acceleration_window=0.05))
-    assert 'over 50 ms' in violation_on_the_way(
-        wide, accelerated(1.8 * LIMITS.acceleration[0], 0, 40)
-    )
-    assert 'over 5 ms' in CommandValidator(LIMITS, 0.005, PROFILES['fci']).violation(
-        ZERO, ZERO + 1.0
-    )
+    twice = accelerated(1.8 * LIMITS.acceleration[0], 0, 40)
+    assert 'over 50 ms' in violation_on_the_way(wide, twice)
+    short = CommandValidator(LIMITS, 0.005, PROFILES['fci'])
+    assert 'over 5 ms' in short.violation(ZERO, ZERO + 1.0)
 
 
 def test_no_acceleration_limit_never_stops():
@@ -130,7 +127,7 @@ def brake(interpolator: ReferenceInterpolator) -> np.ndarray:
     """References (N, 7) from the one in force until the interpolator is at rest."""
     references = [interpolator.reference]
     while interpolator.step.any():
-        interpolator.brake()
+        interpolator.brake(interpolator.reference)
         references.append(interpolator.reference)
         assert len(references) < 1000
     return np.array(references)

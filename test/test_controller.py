@@ -228,9 +228,8 @@ def test_a_switch_executes_the_task_and_then_only_the_new_law_acts(underway, old
     for tick in range(ticks + 3):
         command, dx = drive.step()
         # Rounding is relative to the motion in the null space, where minimum_torque has 80 rad/s.
-        assert np.linalg.norm(command.J @ command.dq - dx) < ROUNDING * (
-            1.0 + 100.0 * np.linalg.norm(command.dq)
-        )
+        error = np.linalg.norm(command.J @ command.dq - dx)
+        assert error < ROUNDING * (1.0 + 100.0 * np.linalg.norm(command.dq))
         assert tick < ticks or (command.dq == alone(law, command, dx)).all()
 
 
@@ -266,9 +265,8 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
         by_themselves = max(peak(staying.run(SWITCH_TIME)), peak(after))
         if peak([first]) > 5.0 * by_themselves:
             jumps += 1
-            assert peak(blended.run(SWITCH_TIME)) < 0.2 * peak([first]), (
-                f'{old} to {new} at {time} s'
-            )
+            highest = peak(blended.run(SWITCH_TIME))
+            assert highest < 0.2 * peak([first]), f'{old} to {new} at {time} s'
     assert jumps > 10  # a third, most of them to a law without memory
 
 

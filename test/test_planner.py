@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, Preview, WaypointTask
 from redres_ros.geometry import quintic
+from redres_ros.kernels.tick import rotation_error
+from redres_ros.planning import planner as planner_module
 from redres_ros.planning.planner import Reference, TargetFollower
 
 T = 0.001  # [s]
@@ -227,6 +230,17 @@ def test_a_task_without_orientations_holds_the_first_one(square):
     references = follow(Planner(square), square.waypoints[0], 1600, R)
     assert all(reference.R_d == pytest.approx(R, abs=1e-12) for reference in references)
     assert np.abs(column(references, 'dx')[:, 3:]).max() < 1e-12
+
+
+def test_a_preview_of_a_long_task_turns_only_through_what_it_shows(turning):
+    points = np.tile(turning.waypoints, (50, 1))
+    task = replace(
+        turning, waypoints=points, orientations=np.tile(turning.orientations, (50, 1, 1))
+    )
+    planner = Planner(task)
+    with mock.patch.object(planner_module, 'rotation_error', wraps=rotation_error) as turn:
+        planner.preview(0.0, 0.1)  # at three times
+    assert turn.call_count == 3
 
 
 def test_a_point_is_reached_only_with_its_orientation(turning):

@@ -128,9 +128,8 @@ def test_no_later_call_overwrites_a_state(model):
         model.tip(other)
         model.position(other, 'link_4')
     assert all((array == then).all() for array, then in zip(held, before, strict=True))
-    assert all(
-        (getattr(state, name) == then).all() for name, then in zip(QUANTITIES, before, strict=True)
-    )
+    for name, then in zip(QUANTITIES, before, strict=True):
+        assert (getattr(state, name) == then).all()
 
 
 BAD_VECTORS = [
@@ -167,9 +166,8 @@ def test_an_offset_out_of_range_is_refused_by_name(which, offset):
 
 
 def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
-    assert model.joint_names == tuple(
-        f'lwr_{axis}_joint' for axis in ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6')
-    )
+    axes = ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6')
+    assert model.joint_names == tuple(f'lwr_{axis}_joint' for axis in axes)
     assert model.q_max == pytest.approx(np.radians((170, 120, 170, 120, 170, 120, 170)))
     assert model.q_min == pytest.approx(-model.q_max)
     assert model.dq_max == pytest.approx(np.radians((120, 120, 160, 160, 250, 220, 220)))

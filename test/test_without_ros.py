@@ -77,9 +77,8 @@ def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
 
 
 def test_the_package_offers_what_it_names():
-    assert {name: getattr(redres_ros, name) for name in redres_ros.__all__}.keys() == set(
-        redres_ros._HOMES
-    )
+    found = {name: getattr(redres_ros, name) for name in redres_ros.__all__}
+    assert found.keys() == set(redres_ros._HOMES)
     with pytest.raises(AttributeError, match='no attribute'):
         redres_ros.nothing  # noqa: B018
 

@@ -18,12 +18,9 @@ _BY_ROSDEP = {'matplotlib', 'numba', 'numpy', 'pinocchio', 'rich', 'scipy', 'yam
 
 
 def share_path(relative: str) -> Path:
-    """Path of a share file such as 'config/tasks/rectangle.yaml'. Raises FileError that lists the
-    places searched.
-
-    The checkout comes first, because `pip install -e` installs no share files; then the prefix that
-    this very package is installed under, which pip and colcon fill alike; then the overlays of a
-    sourced ROS workspace, for a package that was moved.
+    """Path of a share file such as 'config/tasks/rectangle.yaml'. Raises FileError with the places
+    searched: the checkout, because `pip install -e` installs no share files; the prefix that this
+    very package is under, which pip and colcon fill alike; overlays, for a package that was moved.
     """
     here = Path(__file__).resolve()
     checkout = here.parents[2]

@@ -27,12 +27,10 @@ def register(base: type, table: dict[str, type]) -> None:
 
 
 def load_plugin(path: str | Path) -> tuple[str, ...]:
-    """Add every law, preference, task and limit that a file defines to its table; the names under
-    which they can be used now.
+    """Add every law, preference, task and limit that a file defines to its table; their names:
+    `WristFirst` becomes wrist_first. The file is executed as any program is, but only once.
 
-    Names are those of the tables: `WristFirst` becomes wrist_first. The Python file is
-    executed as any program is, but only once. Raises PluginError for one that cannot be loaded,
-    defines no such class, or one whose name is taken.
+    Raises PluginError for one that cannot be loaded, defines no such class, or whose name is taken.
     """
     file = Path(path).resolve()
     if file not in _loaded:
@@ -81,9 +79,8 @@ def _enter(module: ModuleType, file: Path) -> tuple[str, ...]:
             found += [(entry, cls, table) for table in tables]
     if not found:
         raise PluginError(f'{file} defines no law, preference, task or limit')
-    for name, _, table in found:
-        if name in table:
-            raise PluginError(f'{file} defines {name}, which exists already')
+    if taken := [name for name, _, table in found if name in table]:
+        raise PluginError(f'{file} defines {taken[0]}, which exists already')
     for name, cls, table in found:
         table[name] = cls
     return tuple(name for name, _, _ in found)

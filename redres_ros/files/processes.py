@@ -12,14 +12,10 @@ from typing import Any
 
 _Handler = Callable[[int, FrameType | None], object] | signal.Handlers
 
-_PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
-
 
 def open_error_output() -> None:
-    """Discard errors if standard error is closed, as after `redres demo 2>&-`.
-
-    Python then has no sys.stderr, which rclpy needs. And the first file that is opened would take
-    its number, into which libraries in C write.
+    """Discard errors if standard error is closed, as after `redres demo 2>&-`: rclpy needs one, and
+    the first file that is opened would take its number, into which libraries in C write.
     """
     if sys.stderr is None:
         sys.stderr = open(os.devnull, 'w')  # noqa: SIM115, for as long as the process lives
@@ -27,7 +23,7 @@ def open_error_output() -> None:
 
 def end_with_parent(number: signal.Signals) -> None:
     """Have the kernel send this process a signal when its parent dies."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
+    ctypes.CDLL(None).prctl(1, number)  # PR_SET_PDEATHSIG of Linux
 
 
 @contextmanager

@@ -37,11 +37,19 @@ def read_text(path: Path) -> str:
 
 def read_yaml(path: Path) -> Any:
     """The content of a file. Raises FileError."""
-    import yaml  # for files alone
+    import yaml.composer  # for files alone
 
     text = read_text(path)
     try:
-        return yaml.safe_load(text)
+        if not yaml.__with_libyaml__:
+            return yaml.safe_load(text)
+
+        class _Loader(yaml.composer.Composer, yaml.CSafeLoader):  # C's crashes on deep nesting
+            def __init__(self) -> None:
+                yaml.CSafeLoader.__init__(self, text)  # parses three times as fast
+                yaml.composer.Composer.__init__(self)
+
+        return _Loader().get_single_data()
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a number too long
         raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
     except RecursionError:

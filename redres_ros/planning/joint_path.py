@@ -77,10 +77,8 @@ class JointPath:
 
 
 def path_to(model: RobotModel, q: JointPositions, q_end: JointPositions) -> JointPath | None:
-    """The motion of an arm from q to q_end, at a fraction of its limits; None if every joint is
-    there.
-
-    A joint with a range of more than a turn goes to the nearest equal angle within its range.
+    """The motion from q to q_end at a fraction of the arm's limits; None if every joint is there. A
+    joint with a range of more than a turn goes to the nearest equal angle within its range.
     """
     turning = model.q_max - model.q_min > _TURN
     nearest = q_end + _whole_turns(q - q_end, turning)

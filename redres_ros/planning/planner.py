@@ -158,10 +158,12 @@ class Planner:
         times = _AHEAD[: np.searchsorted(_AHEAD, seconds) + 1]
         if step:
             times = np.arange(0.0, seconds + step, step)
-        starts = self._t_segment + np.cumsum([0.0, *self._times[self._segment : -1]])
         at = t + rate * times
+        count = 2 + int(max(at[-1] - self._t_segment, 0.0) / self._task.segment_time)  # at most
+        durations = self._times[self._segment : self._segment + count]
+        starts = self._t_segment + np.cumsum([0.0, *durations[:-1]])
         segments = np.maximum(np.searchsorted(starts, at, side='right') - 1, 0)
-        s = quintics((at - starts[segments]) / np.array(self._times[self._segment :])[segments])
+        s = quintics((at - starts[segments]) / np.array(durations)[segments])
         segments += self._segment
         if self._finished:
             s[:] = 1.0
@@ -169,10 +171,11 @@ class Planner:
         positions = start + s[:, None] * (self._points[segments + 1] - start)
         if self._turns is None:
             return Preview(times, positions)
-        turns = [rotation_error(A, B) for A, B in pairwise(self._turns)]
-        rotations = [
-            rotation_matrix(s[k] * turns[j]).dot(self._turns[j]) for k, j in enumerate(segments)
-        ]
+        rotations = []
+        for k, j in enumerate(segments):
+            A = self._turns[j]
+            turn = rotation_error(A, self._turns[j + 1])
+            rotations.append(rotation_matrix(s[k] * turn).dot(A))
         return Preview(times, positions, np.array(rotations))
 
     def time_left(self, t: Seconds) -> Seconds:
@@ -182,8 +185,9 @@ class Planner:
 
     def progress(self, t: Seconds) -> float:
         """The fraction of the nominal duration that is over, before the last point is reached."""
-        elapsed = sum(self._times[: self._segment + 1]) - self.time_left(t)
-        return elapsed / sum(self._times)
+        T_AB = self._task.segment_time  # of all but the first
+        elapsed = self._times[0] + self._segment * T_AB - self.time_left(t)
+        return elapsed / (self._times[0] + self._task.segments * T_AB)
 
     def _is_over(
         self, x: Position, t: Seconds, R: Rotation | None, unachieved: TaskVelocity | None

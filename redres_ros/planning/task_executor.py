@@ -157,9 +157,8 @@ class TaskExecutor:
     def enter_state(
         self, stamp: Nanoseconds, q: JointPositions, x: Position, R: Rotation, now: Seconds
     ) -> Step | None:
-        """What is asked for at a state that arrives now, by a monotonic clock; None for nothing. It
-        is the same again at the same state. Raises ClockError if the stamp is not that of a new
-        cycle.
+        """What is asked for at a state that arrives now, by a monotonic clock; None for nothing. At
+        the same state it is the same. Raises ClockError for a stamp that is not of a new cycle.
         """
         source = self._execution and self._execution.source
         asked = self._step and self._step.dx
@@ -338,9 +337,8 @@ class TaskExecutor:
         patience = self._execution.goal.patience if self._execution else None
         if patience is None or -_SET_BACK < silence <= patience or self.state not in UNDER_WAY:
             return
-        self._end(
-            f'the robot was started again, or silent for more than {patience:g} s (resume_within)'
-        )
+        silent = f'silent for more than {patience:g} s (resume_within)'
+        self._end(f'the robot was started again, or {silent}')
 
     def _end(self, reason: str, state: TaskState = TaskState.IDLE) -> None:
         """WAITING, HOMING, MOVING to IDLE or STUCK."""
