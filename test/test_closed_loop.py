@@ -26,9 +26,8 @@ FORGETFUL = -1.0  # stands for the damping 1/T
 @cache
 def simulated(law: str, T: float, k_d: float = K_D) -> Recording:
     """The whole task under a law; every test asks for the same few runs."""
-    return run(
-        Controller(MODEL, make_law(law, damping=1.0 / T if k_d == FORGETFUL else k_d), T), TASK
-    )
+    damping = 1.0 / T if k_d == FORGETFUL else k_d
+    return run(Controller(MODEL, make_law(law, damping=damping), T), TASK)
 
 
 DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]

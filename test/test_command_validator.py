@@ -92,9 +92,8 @@ def test_the_window_is_that_of_the_profile_and_at_least_a_cycle():
 
 
 def test_no_acceleration_limit_never_stops():
-    unlimited = CommandValidator(
-        JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=())), T, LWR
-    )
+    limits = JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=()))
+    unlimited = CommandValidator(limits, T, LWR)
     assert violation_on_the_way(unlimited, accelerated(1e3, 0, 20)) == ''
 
 

@@ -234,9 +234,8 @@ def test_a_task_without_orientations_holds_the_first_one(square):
 
 def test_a_preview_of_a_long_task_turns_only_through_what_it_shows(turning):
     points = np.tile(turning.waypoints, (50, 1))
-    task = replace(
-        turning, waypoints=points, orientations=np.tile(turning.orientations, (50, 1, 1))
-    )
+    turns = np.tile(turning.orientations, (50, 1, 1))
+    task = replace(turning, waypoints=points, orientations=turns)
     planner = Planner(task)
     with mock.patch.object(planner_module, 'rotation_error', wraps=rotation_error) as turn:
         planner.preview(0.0, 0.1)  # at three times

@@ -46,9 +46,8 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
     q, _ = random_motion(7, 1)[0]
     assert (model.position(q, 'tool0') == model.tip(q)[0]).all()
     assert model.position(q, 'link_2') == pytest.approx((0.0, 0.0, 0.323), abs=1e-12)
-    assert np.linalg.norm(
-        model.position(q, model.arm.elbow_frame) - (0.0, 0.0, 0.323)
-    ) == pytest.approx(0.4)
+    elbow = model.position(q, model.arm.elbow_frame) - (0.0, 0.0, 0.323)
+    assert np.linalg.norm(elbow) == pytest.approx(0.4)
 
 
 def urdf_links(d: np.ndarray) -> independent.Links:

@@ -265,10 +265,9 @@ def test_a_stream_of_targets_to_an_arm_at_a_limit_is_reported_as_without_progres
     ],
 )
 def test_a_path_of_another_time_or_out_of_reach_or_too_fast_is_refused(times, size, words) -> None:
+    path = Preview(times, np.stack((HOME, HOME + np.array((0.0, 0.0, size)))))
     with pytest.raises(RedresError, match=words):
-        GOALS.path(
-            Preview(times, np.stack((HOME, HOME + np.array((0.0, 0.0, size))))), Arm().run.cycles
-        )
+        GOALS.path(path, Arm().run.cycles)
 
 
 def homing(*, then: bool = True) -> Goal:

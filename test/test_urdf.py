@@ -132,9 +132,8 @@ def test_a_link_that_is_named_as_a_tip_is_listed_first():
 
 
 def test_joints_of_every_tip_move_and_all_libraries_have_them_in_the_same_order():
-    arm = replace(
-        arm_from_urdf(urdf(), 'tip'), other_tips=('left',), acceleration_limit=(), start=()
-    )
+    arm = arm_from_urdf(urdf(), 'tip')
+    arm = replace(arm, other_tips=('left',), acceleration_limit=(), start=())
     model = RobotModel(arm)
     n = len(JOINTS) + 1
     assert sorted(model.joint_names) == sorted((*JOINTS, 'finger'))
