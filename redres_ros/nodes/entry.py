@@ -37,10 +37,13 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
             remedy = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
             print(f'redres_{name}: got {own[0]!r}; {remedy}', file=sys.stderr)
             return 2
-        gc.disable()  # until the nodes have been loaded
+        gc.disable()  # to look through what is being loaded takes a tenth of the start
         from redres_ros.nodes.runtime import run_nodes
 
-        return run_nodes(*map(resolve_name, nodes), arguments=arguments)
+        makes = list(map(resolve_name, nodes))
+        gc.freeze()
+        gc.enable()
+        return run_nodes(*makes, arguments=arguments)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone

@@ -108,9 +108,8 @@ class Spinner:
 
 @contextmanager
 def own_domain(domain: int | None = None) -> Iterator[int]:
-    """Set a ROS domain on this host alone; None: one that no other graph here uses.
-
-    Yields its number; raises RedresError if there is none.
+    """Set a ROS domain on this host alone; None: one that no other graph here uses. Yields its
+    number; raises RedresError if there is none.
     """
     if domain is None:
         domain = _find_free_domain()
@@ -206,8 +205,6 @@ def run_nodes(
     One of them may have `run(stopped, spinner)`, a loop of its own that ends when the event is set;
     callbacks run when it waits by the spinner. By default the command line is that of the process.
     """
-    gc.freeze()  # what has been loaded; to look through it takes a tenth of the start
-    gc.enable()
     open_error_output()
     stopped = threading.Event()
     # Results are looked at; numpy's warning would be a second line.
