@@ -62,6 +62,16 @@ def test_a_violation_and_how_an_unfinished_motion_ended_are_shown(capsys):
     assert 'a: reached' not in shown
 
 
+@pytest.mark.parametrize(('least', 'share'), [(2.0, '50 %'), (3.95, '-'), (4.5, '-')])
+def test_the_share_of_a_possible_gain_is_a_dash_where_that_is_small(least, share, capsys):
+    first = Effort(1.0, 1.0, 1.0, 4.0, 1.0, 1.0, 1.0, '', True, 'end')
+    efforts = {'first': first, 'other': replace(first, squared_acceleration=3.0)}
+    print_tables(*comparison_tables(efforts, 'title', least))
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert f' {share} * least' in shown
+    assert ('could gain less than 2 %' in shown) == (share == '-')
+
+
 def still(ticks: int, T: float = 0.01) -> np.ndarray:
     """Rows of a recording of an arm of 7 joints that stands at zero."""
     rows = np.zeros((ticks, len(columns(7))))

@@ -13,6 +13,7 @@ from rich.text import Text
 from redres_ros.laws import Law, law_name
 from redres_ros.simulation.recording import Effort, Recording
 
+_SMALL_GAIN = 0.02  # of the first law's figure; the share of a smaller gain is noise
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
 
 _PEAKS = {  # norms, also figures of Effort, and their heads
@@ -69,11 +70,8 @@ def print_tables(*tables: Table) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, if that is a terminal; yields a function that takes the
-    fraction done, 0 to 1.
-
-    It is drawn when that function is called. A thread that draws it would be in the way of
-    processes that copy this one.
+    """A bar on standard error, if that is a terminal; yields a function of the fraction done that
+    draws it: a thread that draws would be in the way of processes that copy this one.
     """
     console = Console(stderr=True)
     is_hidden = not console.is_terminal
@@ -97,12 +95,9 @@ def peak_table(name: str, recording: Recording) -> Table:
     row = [name, 'no tick']
     if len(recording.data):
         peaks = [recording.peak(f'joint_{norm}_norm') for norm in _PEAKS]
-        row = [
-            name,
-            f'{recording["t"][-1]:.3f}',
-            *(f'{value:.5g} at {t:5.2f} s' for value, t in peaks),
-            f'{1e3 * recording["task_error"][-1]:.4f}',
-        ]
+        shown = [f'{value:.5g} at {t:5.2f} s' for value, t in peaks]
+        error = 1e3 * recording['task_error'][-1]
+        row = [name, f'{recording["t"][-1]:.3f}', *shown, f'{error:.4f}']
     return _table(('law', 'end [s]', *_PEAKS.values(), 'last error [mm]'), [row])
 
 
@@ -115,6 +110,8 @@ def comparison_tables(
     """
     marked = {name: _marked(efforts, name) for name in (*_PEAKS, *_WHOLE)}
     first = next(iter(efforts.values())).squared_acceleration
+    possible = first - (least or 0.0)
+    has_share = possible > _SMALL_GAIN * first
     worst = []
     whole = []
     for law, effort in efforts.items():
@@ -123,16 +120,17 @@ def comparison_tables(
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
         if least is not None:
             gain = first - effort.squared_acceleration
-            whole[-1].append(f'{round(100.0 * gain / (first - least))} %' if first > least else '')
+            whole[-1].append(f'{round(100.0 * gain / possible)} %' if has_share else '-')
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     notes = ['* least', *unfinished]
     heads = ['law', *_WHOLE.values()]
     if least is not None:
         heads.append('of the possible')
-        notes.append(
-            f'the best motion along the path, which knows all of it, has int ddq^2 = {least:.4g}: '
-            'the last column is the share of what the first law could gain'
-        )
+        best = 'the best motion along the path, which knows all of it, has int ddq^2'
+        last = 'the last column is the share of what the first law could gain'
+        if not has_share:
+            last = f'the first law could gain less than {100 * _SMALL_GAIN:g} %, a share is noise'
+        notes.append(f'{best} = {least:.4g}: {last}')
     return (
         _table(['law', *_PEAKS.values(), 'within the limits, torque too?'], worst, title=title),
         _table(heads, whole, note='\n'.join(notes)),
