@@ -1,6 +1,4 @@
-"""The command line, as far as it needs no ROS: what it writes, what it refuses, and its exit
-status.
-"""
+"""The command line, as far as it needs no ROS: what it writes and refuses, and its status."""
 
 import argparse
 import shlex
@@ -38,9 +36,7 @@ def simulate(short: str, path: Path, *options: str) -> np.ndarray:
     return np.loadtxt(path, delimiter=',', skiprows=1)
 
 
-def test_simulate_writes_the_columns_that_users_rely_on_and_reports_the_end(
-    short, tmp_path, capsys
-):
+def test_simulate_writes_the_columns_that_users_rely_on_and_its_end(short, tmp_path, capsys):
     simulate(short, tmp_path / 'motion.csv', '--law', 'minimum_velocity')
     assert (tmp_path / 'motion.csv').read_text().splitlines()[0] == ','.join(columns(7))
     out = capsys.readouterr().out
@@ -203,11 +199,12 @@ def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
     ('line', 'blocked', 'reason'),
     [
         ('simulate --out file/a.csv', 'file/a.csv', 'File exists'),
-        (f'simulate --out {"x" * 300}', 'x' * 300, 'File name too long'),
+        (f'simulate --out {"x" * 300}.csv', f'{"x" * 300}.csv', 'File name too long'),
+        ('simulate --out file', 'file/motion.csv', 'File exists'),
         ('compare --out .', 'comparison.png', 'Is a directory'),
         ('demo --out .', 'sim.log', 'Is a directory'),
     ],
-    ids=['under a file', 'too long', 'a plot', 'a log'],
+    ids=['under a file', 'too long', 'in a file', 'a plot', 'a log'],
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     tmp_path, monkeypatch, capsys, line, blocked, reason
@@ -234,6 +231,9 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
         ('simulate --law=', 'got nothing for --law; expected a value'),
         (f'watch --namespace {"x" * 121}', 'of at most 120 characters'),
         ('check --states 1a', "got '1a'; expected names with / between them"),
+        ('simulate --out x.pdf', 'a directory, such as x, or a file that ends in .csv; see'),
+        ('compare --out x.pdf', "'x.pdf'; expected a directory, such as x; see"),
+        ('reproduce --out a/x.csv', "'a/x.csv'; expected a directory, such as a/x; see"),
         ('batch study.yaml', 'batch is gone; instead: `for result in batch(cases)`'),
         ('law minimum_velocity', 'law is gone; instead: redres watch --set law=NAME'),
         ('reproduce contact', 'contact is gone; instead: python docs/make_contact.py'),
@@ -386,9 +386,7 @@ def test_a_joint_limits_file_limits_accelerations_and_slows_joints_and_lacks_non
         with_accelerations(arm, str(path))
 
 
-def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_leave_nothing_assumed(
-    tmp_path,
-):
+def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_none_is_assumed(tmp_path):
     path = tmp_path / 'arm.urdf'
     path.write_text(RobotModel.named('planar4r').arm.description())
     setting = ['--tip', 'tool0', '--set', 'acceleration_limit=[1, 2, 3, 4]']

@@ -79,6 +79,8 @@ def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
 def test_the_package_offers_what_it_names():
     found = {name: getattr(redres_ros, name) for name in redres_ros.__all__}
     assert found.keys() == set(redres_ros._HOMES)
+    assert all(hasattr(redres_ros, name) for name in dir(redres_ros))
+    assert {'run', 'param', 'load_task', 'Recording'} <= set(dir(redres_ros))
     with pytest.raises(AttributeError, match='no attribute'):
         redres_ros.nothing  # noqa: B018
 

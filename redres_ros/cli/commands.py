@@ -11,6 +11,7 @@ from redres_ros.cli.options import (
     DURATIONS,
     add_command,
     add_graph,
+    add_out,
     check_writable,
     graph_name,
     option,
@@ -29,8 +30,7 @@ _HEADS = {
 def add(commands: Any) -> None:
     claims = "the paper's figures and claims, without ROS"
     reproduce = add_command(commands, _reproduce, claims, '--out figures')
-    out = Path('redres_reproduce')
-    option(reproduce, '--out', 'DIR', 'directory for figures and table', out)
+    add_out(reproduce, 'directory for figures and table', Path('redres_reproduce'))
 
     add_command(
         commands,

@@ -13,6 +13,7 @@ from redres_ros.cli.options import (
     NONE,
     add_command,
     add_motion,
+    add_out,
     check_writable,
     option,
 )
@@ -48,7 +49,7 @@ def add(commands: Any) -> None:
     results = demo.add_argument_group('display and files')
     view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
     results.add_argument('--view', action='store_true', help=view)
-    option(results, '--out', 'DIR', 'directory for plot, data and logs', Path('redres_demo'))
+    add_out(results, 'directory for plot, data and logs', Path('redres_demo'))
 
 
 def _demo(options: argparse.Namespace) -> int:

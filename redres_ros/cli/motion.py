@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.cli.options import NONE, OptionError, number_in, read_settings
+from redres_ros.cli.options import NONE, OptionError, read_settings
 from redres_ros.controller import SAMPLING_TIME, Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law
@@ -90,7 +90,7 @@ def _with_law(case: Case, text: str) -> Case:
         return replace(case, law=name)
     gain, _, value = own.rpartition('=')
     expected = 'a name, NAME@DAMPING or NAME@GAIN=VALUE, such as minimum_acceleration@horizon=2'
-    gains = {**case.gains, gain or 'damping': number_in('--law', text, value, expected)}
+    gains = {**case.gains, gain or 'damping': _number_in('--law', text, value, expected)}
     law = LAWS.resolve(name, gains)
     known = [each.key for each in LAWS.gains(name)]
     if gain and gain not in known:
@@ -133,7 +133,7 @@ def _find_case(options: argparse.Namespace, laws: Sequence[str], settings: dict[
     for name, equals, text in preferences:
         if equals:
             expected = 'NAME=GAIN, such as joint_centering=4'
-            gain = number_in('--prefer', f'{name}={text}', text, expected)
+            gain = _number_in('--prefer', f'{name}={text}', text, expected)
             gains[f'{name.partition("@")[0]}.gain'] = gain
     if options.damping is not None:
         gains['damping'] = options.damping
@@ -190,6 +190,14 @@ def _checked_gains(case: Case, laws: Sequence[str]) -> dict[str, Any]:
             raise OptionError(f'--set {key} acts on the {owner}; in use: {", ".join(sorted(used))}')
         gains[key] = _converted(value, owners[key][0].default)
     return gains
+
+
+def _number_in(option: str, text: str, number: str, expected: str) -> float:
+    """The number in an option's text. Raises OptionError."""
+    try:
+        return float(number)
+    except ValueError:
+        raise OptionError(f'{option} {text}; expected {expected}') from None
 
 
 def _converted(value: Any, default: Any) -> Any:

@@ -4,6 +4,7 @@ import argparse
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from os.path import isdir
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -92,12 +93,21 @@ def option(
     group.add_argument(name, type=_read, metavar=metavar, default=default, help=says, **others)
 
 
-def number_in(option: str, text: str, number: str, expected: str) -> float:
-    """The number in an option's text. Raises OptionError."""
-    try:
-        return float(number)
-    except ValueError:
-        raise OptionError(f'{option} {text}; expected {expected}') from None
+def add_out(group: Any, says: str, default: Path | None = None, file: str = '') -> None:
+    """--out, a directory; of a command that writes one `file`, also that file itself."""
+    ending = Path(file).suffix
+
+    def path(text: str) -> Path:
+        given = Path(text)
+        if file and (given.suffix == ending or text.startswith('/dev/')):
+            return given
+        if given.suffix[1:2].isalpha() and not (isdir(text) or text.endswith('/')):
+            other = f', or a file that ends in {ending}' if file else ''
+            expected = f'a directory, such as {given.with_suffix("")}{other}'
+            raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
+        return given / file
+
+    option(group, '--out', f'DIR|FILE{ending}' if file else 'DIR', says, default, type=path)
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:

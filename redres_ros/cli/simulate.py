@@ -11,6 +11,7 @@ from redres_ros.cli.options import (
     add_command,
     add_loop,
     add_motion,
+    add_out,
     check_writable,
     option,
 )
@@ -31,7 +32,7 @@ def add(commands: Any) -> None:
     loop = add_loop(simulate)
     blend = 'blend the start of the motion over this time [s]'
     option(loop, '--switch-time', 'S', blend, 0.0)
-    option(loop, '--out', 'FILE.csv', 'write every tick at full precision', type=Path)
+    add_out(loop, 'write every tick at full precision, into motion.csv', file='motion.csv')
 
     compare = add_command(
         commands,
@@ -44,7 +45,7 @@ def add(commands: Any) -> None:
     )
     add_motion(compare, several_laws=_LAWS)
     loop = add_loop(compare)
-    option(loop, '--out', 'DIR', 'directory for plots and data', Path('redres_compare'))
+    add_out(loop, 'directory for plot and data', Path('redres_compare'))
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -79,19 +80,16 @@ def _compare(options: argparse.Namespace) -> int:
     from redres_ros.simulation.report import comparison_tables, label, print_tables, progress_bar
 
     motions = {}
+    files: dict[str, Path] = {}  # of the data, such as minimum_acceleration_5.csv
     for motion in find_motions(options, [text.strip() for text in options.laws.split(',')]):
         name = label(motion.law())
         if name in motions:
             raise OptionError(f'--law {name} is named twice')
+        motion.controller()
         motions[name] = motion
-    for each in motions.values():
-        each.controller()
-    out = options.out
-    files: dict[str, Path] = {}  # of the data
-    picture = out / 'comparison.png'
-    for name in motions:  # such as minimum_acceleration_5.csv
         short = name.replace('k_d = ', '').removesuffix(' 1/s')
-        files[name] = out / f'{short.replace(", ", "_").replace(" ", "_")}.csv'
+        files[name] = options.out / f'{short.replace(", ", "_").replace(" ", "_")}.csv'
+    picture = options.out / 'comparison.png'
     check_writable(picture, *files.values())
 
     with progress_bar(f'{len(motions)} laws') as progress:
@@ -110,7 +108,7 @@ def _compare(options: argparse.Namespace) -> int:
     best = best_motion(motion.model, motion.task, results)
     print_tables(*comparison_tables(efforts, motion.title, best[0] if best else None))
     print(f'plot {picture}')
-    print(f'every tick in {out}/*.csv')
+    print(f'every tick in {options.out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
     steady = [name for name, each in motions.items() if not each.law().has_memory]
