@@ -172,9 +172,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(('line', 'message'), REFUSED, ids=[line for line, _ in REFUSED])
-def test_what_cannot_be_done_is_refused_in_one_line_before_the_work(
-    line, message, tmp_path, monkeypatch, capsys
-):
+def test_what_cannot_be_done_is_refused_in_one_line(line, message, tmp_path, monkeypatch, capsys):
     if line.startswith('demo'):
         pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     monkeypatch.chdir(tmp_path)

@@ -102,9 +102,13 @@ def test_a_learned_policy_leads_the_tip_round_its_circle(tmp_path: Path) -> None
 
 @pytest.mark.parametrize('name', ['learned_policy', 'visual_servoing'])
 def test_a_client_of_a_robot_that_stops_fails_and_says_why(name: str, tmp_path: Path) -> None:
+    from graph_helpers import await_that
+
     sim = {'patience': 60.0, 'acceleration_limit': (0.5,) * 7}
+    controller = {'limits': ('none',)}
     says = pytest.raises(AssertionError, match='mode mirroring, sim/stop_reason protective stop')
-    with started(tmp_path, sim=sim, controller={'limits': ('none',)}, planner={}), says:
+    with started(tmp_path, sim=sim, controller=controller, planner={'autostart': True}), says:
+        await_that(lambda: 'protective' in (tmp_path / 'sim.log').read_text(), 'the stop')
         run(name)
 
 
