@@ -27,6 +27,7 @@ from redres_ros.types import (
     TaskVelocity,
     as_vector,
     check_finite,
+    finite_vector,
 )
 
 if TYPE_CHECKING:
@@ -348,8 +349,7 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
         tick = self._tick
         if correction is not None:
-            _check_kind('correction', correction, Correction)
-            tick = replace(tick, correction=correction.of_rows(self.m))
+            tick = replace(tick, correction=_checked(correction, self.m))
         base = self.published or Published.at_rest(q)
         if missed:
             base = self.bridged(base, missed)
@@ -428,6 +428,16 @@ class Controller:
             return DivergedError(speed, SPEED_LIMIT, 'dx')
         self.restart()
         return DivergedError(speed, SPEED_LIMIT, 'its own motion')
+
+
+def _checked(correction: Correction, m: int) -> Correction:
+    """The same with arrays of float64. Raises ArrayError for those of another task, or NaN."""
+    _check_kind('correction', correction, Correction)
+    is_held = np.asarray(correction.is_held)
+    if is_held.dtype != bool or is_held.shape != (m,):
+        raise ArrayError(f'is_held of a correction is {quoted(is_held)}; expected {m} bools')
+    velocity = finite_vector(correction.velocity, m, 'velocity of a correction')
+    return Correction(velocity, is_held, finite_vector(correction.away, m, 'away of a correction'))
 
 
 def _check_kind(name: str, value: object, kind: type) -> None:

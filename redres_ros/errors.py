@@ -93,10 +93,8 @@ class DivergedError(RedresError):
         self.speed = speed
         self.limit = limit
         self.reason = reason
-        super().__init__(
-            f'the joints would have to move at {speed:.3g} rad/s; allowed: up to {limit:g}; '
-            f'the reason is {reason}'
-        )
+        asked = f'the joints would have to move at {speed:.3g} rad/s'
+        super().__init__(f'{asked}; allowed: up to {limit:g}; the reason is {reason}')
 
 
 class JointNamesError(RedresError):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.preview import Ahead
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.joint_limits import with_accelerations
@@ -51,14 +51,6 @@ class Correction(NamedTuple):
     velocity: TaskVelocity  # of their rows, which is a part of dx
     is_held: np.ndarray  # (m,) of bool
     away: TaskVelocity  # with which each row may leave what is held
-
-    def of_rows(self, m: int) -> 'Correction':
-        """The same with arrays of float64. Raises ArrayError for those of another task, or NaN."""
-        is_held = np.asarray(self.is_held)
-        if is_held.dtype != bool or is_held.shape != (m,):
-            raise ArrayError(f'is_held of a correction is {quoted(is_held)}; expected {m} bools')
-        velocity = finite_vector(self.velocity, m, 'velocity of a correction')
-        return Correction(velocity, is_held, finite_vector(self.away, m, 'away of a correction'))
 
 
 @dataclass(frozen=True)
