@@ -176,14 +176,14 @@ def replay(
 ) -> Recording:
     """The table of a run with laws of these gains, from the stamp at which the task began.
 
-    A state without a command has no row. Norms of accelerations reach back to the last command,
-    which is more than T ago where a cycle was missed.
+    A state without a command has no row, nor has one before which none was seen. Norms of
+    accelerations reach back to the last command, more than T ago where a cycle was missed.
     """
     recorder = MotionRecorder(model, T, pose)
     stamps = log.under_way()
     known = sorted(log.states.keys() & log.commands.keys())
     before = {later: earlier for earlier, later in pairwise(known)}
-    at_rest = np.zeros(model.n)
+    first = min(log.states, default=0)  # finds the arm at rest
     columns = zip(
         stamps,
         log.desired_at(stamps),
@@ -193,11 +193,11 @@ def replay(
         strict=True,
     )
     for stamp, desired, law, s, segment in columns:
-        if stamp not in log.commands:
+        if stamp not in log.commands or (stamp not in before and stamp > first):
             continue
         q_ref, dq = log.commands[stamp]
         elapsed = (stamp - before[stamp]) / 1e9 if stamp in before else T
-        dq_prev = log.commands[before[stamp]][1] if stamp in before else at_rest
+        dq_prev = log.commands[before[stamp]][1] if stamp in before else 0.0 * dq
         state = model.state(log.states[stamp], dq_prev)
         J = state.J if pose else state.J[:3]
         solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)
