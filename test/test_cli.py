@@ -111,6 +111,7 @@ REFUSED = [
     ),
     ('compare --law minimum_velocity@-1', 'damping is -1.0; allowed: 0 to 1'),
     ('demo --law minimum_velocity@5', '--law minimum_velocity@5; minimum_velocity has no velocity'),
+    ('watch --set law=minimum_torque@5', '--set law=minimum_torque@5; expected two settings, s'),
     ('simulate --law fastest@horizon=1', "unknown law 'fastest'"),
     (
         'simulate --law minimum_velocity@horizon=1',
@@ -173,7 +174,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(('line', 'message'), REFUSED, ids=[line for line, _ in REFUSED])
 def test_what_cannot_be_done_is_refused_in_one_line(line, message, tmp_path, monkeypatch, capsys):
-    if line.startswith('demo'):
+    if line.startswith(('demo', 'watch')):
         pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line)
@@ -387,8 +388,7 @@ def test_a_joint_limits_file_limits_accelerations_and_slows_joints_and_lacks_non
 def test_acceleration_limits_of_the_command_line_reach_the_nodes_and_none_is_assumed(tmp_path):
     path = tmp_path / 'arm.urdf'
     path.write_text(RobotModel.named('planar4r').arm.description())
-    setting = ['--tip', 'tool0', '--set', 'acceleration_limit=[1, 2, 3, 4]']
-    words = ['simulate', '--robot', str(path), *setting]
+    words = f'simulate --robot {path} --tip tool0 --set acceleration_limit=[1,2,3,4]'.split()
     [motion] = find_motions(make_parser().parse_args(words), ['minimum_torque'])
     assert node_parameters(motion)['acceleration_limit'] == (1.0, 2.0, 3.0, 4.0)
     assert 'assumed' not in ' '.join(motion.model.arm.remarks())

@@ -9,6 +9,7 @@ from typing import Any
 
 from redres_ros.cli.options import (
     DURATIONS,
+    OptionError,
     add_command,
     add_graph,
     add_out,
@@ -69,8 +70,7 @@ def add(commands: Any) -> None:
         '# beside a running controller',
     )
     robot = "the arm, while no controller runs yet; default: the controller's"
-    within = (0.5, 60.0)
-    option(check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=within)
+    option(check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=(0.5, 60.0))
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot', '')
     option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
@@ -160,12 +160,15 @@ def _watch(options: argparse.Namespace) -> int:
 
     texts = options.set or []
     settings = read_settings(texts)
+    law, at, _ = str(settings.get('law', '')).partition('@')
+    if at:
+        expected = f'two settings, such as law={law} horizon=2'
+        raise OptionError(f'--set law={settings["law"]}; expected {expected}')
     with spun(lambda: Watch(options.namespace), options.domain) as node:
         if settings:
             present = node.client.parameters('controller')
-            for name in settings:
-                if name not in present:
-                    raise UnknownNameError('parameter of the controller', name, present)
+            for name in sorted(settings.keys() - set(present)):
+                raise UnknownNameError('parameter of the controller', name, present)
             node.client.set_parameters('controller', settings)
             print(f'controller: {", ".join(texts)}', flush=True)
             if options.duration == 0.0:
