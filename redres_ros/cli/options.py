@@ -34,7 +34,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse what is none of the choices: by its replacement if it is gone."""
+        """Refuse what is none of the choices; of a command that is gone with its replacement."""
         if action.choices is not None and value not in action.choices:
             from redres_ros.files.text import replacements
 
@@ -97,7 +97,7 @@ def add_out(group: Any, says: str, default: Path | None = None, file: str = '') 
     """--out, a directory; of a command that writes one `file`, also that file itself."""
     ending = Path(file).suffix
 
-    def path(text: str) -> Path:
+    def _read(text: str) -> Path:
         given = Path(text)
         if file and (given.suffix == ending or text.startswith('/dev/')):
             return given
@@ -107,7 +107,7 @@ def add_out(group: Any, says: str, default: Path | None = None, file: str = '') 
             raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
         return given / file
 
-    option(group, '--out', f'DIR|FILE{ending}' if file else 'DIR', says, default, type=path)
+    option(group, '--out', f'DIR|FILE{ending}' if file else 'DIR', says, default, type=_read)
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
