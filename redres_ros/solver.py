@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.kernels.active_set import hierarchical_qp
+from redres_ros.kernels.active_set import WHOLE, Parts, hierarchical_qp
 from redres_ros.kernels.closed_form import WEIGHT, fill_factor
 from redres_ros.resolution import Level, Weight, as_array, stacked
 from redres_ros.types import FLOAT64, JointVelocities
@@ -31,8 +31,6 @@ from redres_ros.types import FLOAT64, JointVelocities
 _FEW = 10
 _ADDED = 4
 _SHORTEST = 1e-12  # of a row whose excess is measured by its length
-_NO = np.zeros(0)
-_WHOLE = _NO.astype(np.int64), _NO, _NO, _NO.astype(bool), _NO, _NO, _NO, 0.0, 0.0, np.nan
 
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
@@ -62,7 +60,7 @@ def solve_constrained(
     box: Box,
     rows: Sequence[Rows] = (),
     active_set: np.ndarray | None = None,
-    parts: tuple[Any, ...] | None = None,
+    parts: Parts = WHOLE,
 ) -> Constrained:
     """The optimum under limits: finite and in the box; nearest to rest if the input is not finite.
 
@@ -72,7 +70,7 @@ def solve_constrained(
         rows: Each group of other limits, in order of priority.
         active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
-        parts: As of hierarchical_qp(), with an active_set of (4 n + 3,); None: there are none.
+        parts: As of hierarchical_qp(), with an active_set of (4 n + 3,); WHOLE has none.
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
@@ -86,7 +84,7 @@ def solve_constrained(
         active_set = np.zeros(4 * n + 3, np.int64)
     problem = dq_free, factor, J, dx, counts, np.asarray(box, FLOAT64)
     dq = np.empty(n)
-    how = active_set, dq, parts or _WHOLE
+    how = active_set, dq, parts
     if len(stacked_rows[1]) > _FEW:
         return _with_needed_rows(problem, stacked_rows, how)
     return Constrained(dq, *hierarchical_qp((*problem, *stacked_rows), *how))

@@ -14,7 +14,7 @@ leaves limits and tasks with errors near 1e-6; 1e-10 is asked here.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64
+from numba import boolean, float64, int64, types
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
 
@@ -46,8 +46,7 @@ _FIXED = 3  # or for good, as a row of a finished level
 
 _ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 
-# A row that keeps this fraction of its square is orthogonal to the others after one pass.
-_MUCH = 0.5
+_MUCH = 0.5  # of its square; a row that keeps it is orthogonal to the others after one pass
 _DEPENDENT = 1e-13  # a limit is dependent if less of its unit vector is orthogonal to the others,
 _RANK = 1e-11  # and a row of a level below this fraction of the longest one
 
@@ -573,6 +572,25 @@ def _limit(search: _Search, i: int, low: float, high: float) -> None:
 # --- components with scaling factors of their own: limits/component_scaling.py --------------------
 
 
+class Parts(NamedTuple):
+    """A first task whose components are scaled, and how."""
+
+    sizes: np.ndarray  # (c,) rows of each component
+    dq_prev: np.ndarray  # (n,)
+    velocity: np.ndarray  # (m,) of a correction, like the next two
+    is_held: np.ndarray  # (m,)
+    away: np.ndarray  # (m,)
+    scale: np.ndarray  # (m,) of the rows
+    executed: np.ndarray  # (c + 1,), written: of each, and of what the leading one may have
+    weight: float  # how far components yield,
+    sliding: float  # and slide
+    s: float  # of the whole; NaN: it is searched for, if all components or none are asked for
+
+
+_NO = np.zeros(0)
+WHOLE = Parts(_NO.astype(np.int64), _NO, _NO, _NO.astype(bool), _NO, _NO, _NO, 0.0, 0.0, np.nan)
+
+
 class _Components(NamedTuple):
     """Those of the first task."""
 
@@ -583,11 +601,10 @@ class _Components(NamedTuple):
 
 
 @inlined
-def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, ...]) -> int:
+def _split(components: _Components, problem: tuple[Any, ...], parts: Parts) -> int:
     """Write the components, with rates by a Householder reflection of J; the one that leads."""
     _, _, J, dx, _, _, _, _, _, _ = problem
-    sizes, dq_prev, correction, is_held, _, scale, _, _, _, _ = parts
-    rates = components.rates
+    sizes, rates, _, _ = components
     for r in range(len(rates)):
         _copy(J[r], rates[r])
     noise = _NOTHING * np.sqrt(np.sum(dx[: len(rates)] ** 2))
@@ -597,8 +614,8 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
         begin = sizes[:c].sum()
         end = begin + size
         velocity = dx[begin:end].copy()
-        if is_held[begin]:
-            velocity = scale[begin] * correction[begin:end]
+        if parts.is_held[begin]:
+            velocity = parts.scale[begin] * parts.velocity[begin:end]
         speed = np.sqrt(np.sum(velocity**2))
         if speed > 0.0:
             velocity /= speed
@@ -611,9 +628,9 @@ def _split(components: _Components, problem: tuple[Any, ...], parts: tuple[Any, 
                 for i in range(size):
                     rates[begin + i, j] = sign * (along * velocity[i] - rates[begin + i, j])
         components.speeds[c] = speed
-        components.asked[c] = speed if speed > noise and not is_held[begin] else 0.0
+        components.asked[c] = speed if speed > noise and not parts.is_held[begin] else 0.0
         # What goes on already counts more.
-        lead = (1.0 + (_LEAD - 1.0) * _executed(components, c, dq_prev)) * components.asked[c]
+        lead = (1.0 + (_LEAD - 1.0) * _executed(components, c, parts.dq_prev)) * components.asked[c]
         if lead > most:
             leading = c
             most = lead
@@ -630,20 +647,19 @@ def _executed(components: _Components, c: int, dq: np.ndarray) -> float:
 
 
 @inlined
-def _enter(search: _Search, components: _Components, leading: int, parts: tuple[Any, ...]) -> float:
+def _enter(search: _Search, components: _Components, leading: int, parts: Parts) -> float:
     """Write the limits of components and the rows of their levels, where no component that is
     asked for has less than the factor s; the largest factor of the leading one.
     """
-    _, _, _, is_held, away, scale, _, weight, sliding, s = parts
     sizes, rates, speeds, asked = components
     rows = search.rows
     desired = search.values[_DESIRED]
-    stuck = weight * sliding
+    stuck = parts.weight * parts.sliding
     size = sizes[leading]
     first = sizes[:leading].sum()  # the row of the leading one
-    tolerance = DIRECTION_TOLERANCE + sliding * (_SLIDING_TOLERANCE - DIRECTION_TOLERANCE)
+    tolerance = DIRECTION_TOLERANCE + parts.sliding * (_SLIDING_TOLERANCE - DIRECTION_TOLERANCE)
     most = np.cos(tolerance) / np.cos(DIRECTION_TOLERANCE)  # no faster with what goes across
-    least = 0.0 if np.isnan(s) else s
+    least = 0.0 if np.isnan(parts.s) else parts.s
     i = search.marks[_COUNT, _NAMED]
     level = i + len(rates) + size - 1
     _copy(rates[first], rows[level])
@@ -652,11 +668,11 @@ def _enter(search: _Search, components: _Components, leading: int, parts: tuple[
         if c == leading:
             continue
         row = sizes[:c].sum()
-        spread = SPREAD * scale[row] * (RADIUS if c == 0 else 1.0)
-        wide = weight * spread / np.sqrt(float(sizes[c]))  # a cube
+        spread = SPREAD * parts.scale[row] * (RADIUS if c == 0 else 1.0)
+        wide = parts.weight * spread / np.sqrt(float(sizes[c]))  # a cube
         lowest = min(speeds[c] - wide, least * asked[c])
-        if weight > 0.0 and is_held[row]:
-            lowest = max(lowest, -scale[row] * away[row])
+        if parts.weight > 0.0 and parts.is_held[row]:
+            lowest = max(lowest, -parts.scale[row] * parts.away[row])
         if stuck > 0.0:
             lowest = min(lowest, -_CREEP[1] * stuck * spread)
         for r in range(sizes[c]):
@@ -730,14 +746,17 @@ def _resume(search: _Search, end: int, held: np.ndarray, dq: np.ndarray) -> None
             *(matrix(), matrix(), vector(), vector(), vector(int64)),
         ),
         *(int64[::1], float64[::1]),
-        several(
-            *(vector(int64), vector(), vector(), vector(boolean), vector(), vector()),
-            *(float64[::1], float64, float64, float64),
+        types.NamedTuple(  # type: ignore[no-untyped-call]
+            (
+                *(vector(int64), vector(), vector(), vector(boolean), vector(), vector()),
+                *(float64[::1], float64, float64, float64),
+            ),
+            Parts,
         ),
     )
 )
 def hierarchical_qp(
-    problem: tuple[Any, ...], held: np.ndarray, dq: np.ndarray, parts: tuple[Any, ...]
+    problem: tuple[Any, ...], held: np.ndarray, dq: np.ndarray, parts: Parts
 ) -> tuple[float, float, float, int, int, bool]:
     """Write the joint velocity nearest to dq_free (n,), in the norm of W = F'F, under limits and
     after tasks, in order of priority, into dq (n,).
@@ -748,19 +767,15 @@ def hierarchical_qp(
     (g,) has a priority of its own; box (2, n) are the limits of dq. A search starts from what the
     last one left in `held` (n + 1,), at first zeros: sides of held joints, and 1 for s = 1 or -1.
 
-    The parts are those of a first task whose components are scaled: their sizes (c,), dq_prev (n,);
-    velocity, is_held and away of a correction, and the scale of the rows (m,); `executed` (c + 1,);
-    how far they yield, and slide; and s of the whole. If that is NaN, and all or none are asked
-    for, the whole is searched for, and `executed` ends with their number. Else it becomes what is
-    executed of each, and of what the leading one may have; `held` goes on with the joints of this
-    search, and the limits of components.
+    If the whole is searched for, parts.executed ends with the number of components asked for. Else
+    `held` goes on with the joints of this search, and the limits of components.
 
     Returns the scaling factor s of the first task; its error; the excess of the rows; the limit
     that resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
     end; and whether each level got to its least.
     """
     dq_free, F, _, _, tasks, box, C, _, _, groups = problem
-    sizes, dq_prev, _, _, _, _, executed, _, _, s_whole = parts
+    sizes = parts.sizes
     n = len(dq)
     k = len(sizes)
     components = _Components(sizes, np.empty((sizes.sum(), n)), np.empty(k), np.empty(k))
@@ -769,7 +784,7 @@ def hierarchical_qp(
     own = 0
     groups = groups.copy()
     tasks = tasks.copy()
-    if not np.isnan(s_whole) or 0 < asked < k:
+    if not np.isnan(parts.s) or 0 < asked < k:
         size = sizes[leading]
         own = sizes.sum() + size - 1
         following = np.delete(sizes, leading)
@@ -782,7 +797,7 @@ def hierarchical_qp(
     fraction = 1.0
     if own:
         fraction = _enter(search, components, leading, parts)
-        _resume(search, limits, held, dq_prev)
+        _resume(search, limits, held, parts.dq_prev)
     z = search.z
     rows = search.rows
     marks = search.marks
@@ -825,8 +840,8 @@ def hierarchical_qp(
     s = min(max(z[n], 0.0), 1.0)
     held[n] = 1 if s == 1.0 else -1
     for c in range(k):
-        executed[c] = _executed(components, c, dq) if own else np.nan
-        executed[k] = executed[leading] / fraction if own else asked
+        parts.executed[c] = _executed(components, c, dq) if own else np.nan
+        parts.executed[k] = parts.executed[leading] / fraction if own else asked
     hardest = marks[_COUNT, _HARDEST]
     side = marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:

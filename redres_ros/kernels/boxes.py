@@ -119,14 +119,7 @@ def _overshoot(
 
 @part
 def _largest_speed(
-    d: float,
-    lower: float,
-    upper: float,
-    dq_prev: float,
-    A: float,
-    J: float,
-    T: float,
-    first: float,
+    d: float, lower: float, upper: float, dq_prev: float, A: float, J: float, T: float, first: float
 ) -> float:
     """The largest velocity in [lower, upper] from which a joint stops before the end, [rad/s];
     infinity if it does from all of them, -infinity if from none.

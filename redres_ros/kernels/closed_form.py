@@ -5,9 +5,9 @@ as long as three. And scipy, with LAPACK's triangular solvers, takes a third of 
 """
 
 import numpy as np
-from numba import boolean, float64, int64
+from numba import boolean, float64, int64, optional
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, optional, part, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, vector
 
 # Results of `closed_form`.
 SOLVED = 0
@@ -252,8 +252,8 @@ def _solution(
 @direct
 @compiled(
     int64(
-        *(matrix(), vector(), optional(matrix()), optional(vector())),
-        *(optional(matrix()), int64, float64, float64, float64[::1]),
+        *(matrix(), vector(), optional(matrix()), optional(vector())),  # type: ignore[no-untyped-call]
+        *(optional(matrix()), int64, float64, float64, float64[::1]),  # type: ignore[no-untyped-call]
     )
 )
 def closed_form(

@@ -16,8 +16,7 @@ from numba import types
 
 from redres_ros.files.processes import interruptible
 
-# Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
-_IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
+_IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])  # somebody looks for a fault
 
 
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -94,11 +93,6 @@ def vector(dtype: Any = types.float64) -> Any:
 def matrix(dtype: Any = types.float64) -> Any:
     """The type of a two-dimensional array of any order, read-only or not."""
     return types.Array(dtype, 2, 'A', readonly=True)
-
-
-def optional(member: Any) -> Any:
-    """The type of a value that may be None."""
-    return types.Optional(member)  # type: ignore[no-untyped-call]
 
 
 def several(*members: Any) -> Any:

@@ -133,8 +133,7 @@ def _to_wall(
     points: np.ndarray, i: int, wall: np.ndarray, at: np.ndarray, normal: np.ndarray
 ) -> float:
     """The distance of a segment from a half-space, or of a point from any wall [m], positive on the
-    allowed side; the nearest point into at[0], the direction in which it becomes smaller into
-    `normal` (3,).
+    allowed side; the nearest point into at[0], where it becomes smaller into `normal` (3,).
     """
     end = 0
     if wall[0] == HALF_SPACE:
@@ -331,8 +330,7 @@ def approaches(
 
 @compiled(
     several(float64[::1], float64[::1])(
-        *(vector(), vector(), vector(), float64, float64, vector(), int64, float64),
-        *_SCENE,
+        *(vector(), vector(), vector(), float64, float64, vector(), int64, float64), *_SCENE
     )
 )
 def least_on_path(

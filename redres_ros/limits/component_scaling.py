@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from redres_ros.kernels.active_set import Parts
 from redres_ros.resolution import Level, Weight
 from redres_ros.robot_model import Correction
 from redres_ros.solver import Box, Constrained, Rows, solve_constrained
@@ -92,9 +93,9 @@ def solve_components(
     held = correction or _NOTHING_HELD
     executed = np.empty(len(sizes) + 1)
     row_scale = _UNSCALED if scale is None else scale
-    parts = np.array(sizes, np.int64), dq_prev, *held, row_scale, executed
+    given = np.array(sizes, np.int64), dq_prev, *held, row_scale, executed
     s = None
-    solved = solve_constrained(*problem, parts=(*parts, *yielding[1:], least))
+    solved = solve_constrained(*problem, parts=Parts(*given, *yielding[1:], least))
     *fractions, most = executed.tolist()
     if math.isnan(fractions[0]):  # the whole has been searched for
         s = solved.s
@@ -103,7 +104,7 @@ def solve_components(
             solved.component_scaling = (s,) * len(sizes)
             return solved, (1.0, 1.0, False)
         least = s if is_exact and not any(yielding[1:]) else 0.0
-        solved = solve_constrained(*problem, parts=(*parts, *yielding[1:], least))
+        solved = solve_constrained(*problem, parts=Parts(*given, *yielding[1:], least))
         *fractions, most = executed.tolist()
     solved.component_scaling = tuple(fractions)
     solved.s = min(fractions) if s is None else s
@@ -113,5 +114,5 @@ def solve_components(
         return solved, (left, most, slides_first)
     _, _, tasks, _, limits, _ = problem
     steady = solved.dq, None, tasks[:1], steady_box(), limits
-    solve_constrained(*steady, parts=(*parts, 0.0, slides_first * _SLIDING, 0.0))
+    solve_constrained(*steady, parts=Parts(*given, 0.0, slides_first * _SLIDING, 0.0))
     return solved, (float(executed[-1]) * (0.5 if slides_first else 1.0), most, slides_first)

@@ -189,10 +189,8 @@ class TorqueLimit(Limit):
         super().__post_init__()
         for name, tau in zip(self.model.joint_names, self.model.tau_max, strict=True):
             if not tau > 0.0:
-                raise ArrayError(
-                    f'joint {name} has the effort limit {tau:g} in its URDF; '
-                    'the torque limit needs one above zero'
-                )
+                got = f'joint {name} has the effort limit {tau:g} in its URDF'
+                raise ArrayError(f'{got}; the torque limit needs one above zero')
 
     @cached_property
     def _ends(self) -> np.ndarray:
