@@ -26,6 +26,7 @@ decided which one leads: else the two might come to rest, each undoing what the 
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,7 @@ _BACK = 0.1
 _BLEND = 0.15  # [s]
 _NOTHING_HELD = Correction(np.zeros(0), np.zeros(1000, bool), np.zeros(0))  # of any task's rows
 _UNSCALED = np.ones(1000)
+_as_array = lru_cache(np.array)  # of int64, once for the same sizes
 _NOTICEABLE = 1e-9  # an error [m/s] from which on the whole counts as not fully kept
 
 # The first six arguments of solve_constrained()
@@ -79,7 +81,7 @@ class Yielding(NamedTuple):
 
 def solve_components(
     problem: _Problem,
-    components: tuple[Sequence[int], Correction | None, np.ndarray | None],
+    components: tuple[tuple[int, ...], Correction | None, np.ndarray | None],
     steady_box: Callable[[], Box],
     dq_prev: JointVelocities,
     yielding: Yielding,
@@ -93,7 +95,7 @@ def solve_components(
     held = correction or _NOTHING_HELD
     executed = np.empty(len(sizes) + 1)
     row_scale = _UNSCALED if scale is None else scale
-    given = np.array(sizes, np.int64), dq_prev, *held, row_scale, executed
+    given = _as_array(sizes), dq_prev, *held, row_scale, executed
     s = None
     solved = solve_constrained(*problem, parts=Parts(*given, *yielding[1:], least))
     *fractions, most = executed.tolist()

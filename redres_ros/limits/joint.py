@@ -132,10 +132,8 @@ class PositionLimit(BrakingLimit, JointLimit):
         super().__post_init__()
         narrowest = float((self.model.q_max - self.model.q_min).min())
         if not 2.0 * self.margin < narrowest:
-            raise ArrayError(
-                f'a margin of {self.margin} rad leaves nothing of a range of {narrowest:.3g} rad; '
-                f'allowed: less than {narrowest / 2.0:.3g}'
-            )
+            got = f'a margin of {self.margin} rad leaves nothing of a range of {narrowest:.3g} rad'
+            raise ArrayError(f'{got}; allowed: less than {narrowest / 2.0:.3g}')
 
     def _enter(self, limits: np.ndarray) -> None:
         limits['lower'][:, 0] = self.model.q_min + self.margin

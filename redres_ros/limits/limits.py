@@ -57,7 +57,7 @@ class Bounds:
         dq: JointVelocities,
         W: Weight,
         levels: Sequence[Level],
-        components: Sequence[int] = (),
+        components: tuple[int, ...] = (),
         scale: np.ndarray | None = None,
     ) -> tuple[Constrained, Callable[[], str] | None]:
         """The velocity within the bounds that is best for the tasks, and then nearest to dq, the
@@ -86,7 +86,7 @@ class Bounds:
         return all(limit.can_be_kept(dq, self.state, self.T) for limit in self.limits.row_limits)
 
     def _nearer_to_braking(
-        self, solved: Constrained, levels: Sequence[Level], components: Sequence[int]
+        self, solved: Constrained, levels: Sequence[Level], components: tuple[int, ...]
     ) -> Constrained:
         """Between a solution that keeps the rows and braking, one that can still be braked."""
         braking = self.limits.slower(np.zeros(len(solved.dq)), self.box, self.state, self.T)
