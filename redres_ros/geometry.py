@@ -12,6 +12,7 @@ PEAK_SPEED = 15.0 / 8.0  # largest ds/dxi of the quintic
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)  # largest d2s/dxi2
 
 rotation_matrix: Callable[[RotationVector], Rotation] = pin.exp3  # about a vector by its length
+rate_matrix: Callable[[RotationVector], np.ndarray] = pin.Jexp3  # G of w = G' dv/dt
 # Rz(yaw) Ry(pitch) Rx(roll) of three angles: turns about the axes of the base
 from_roll_pitch_yaw: Callable[[RotationVector], Rotation] = pin.rpy.rpyToMatrix
 

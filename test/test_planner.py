@@ -406,10 +406,10 @@ def test_on_the_way_to_a_target_progress_counts_up_to_one(square):
     assert 0.0 <= seen[0] < seen[1] < seen[2] < seen[3] == 1.0
 
 
-def test_a_path_turns_by_more_than_half_a_turn_at_its_own_speed(square):
-    times = np.arange(0.0, 2.5, 0.1)
+def test_a_path_turns_by_more_than_a_full_turn_at_its_own_speed(square):
+    times = np.arange(0.0, 5.0, 0.1)
     R = turned(*np.outer(2.0 * times, (0.0, 0.6, 0.8)))  # 2 rad/s
     follower = TargetFollower(square, square.waypoints[0], EYE, np.zeros(6), speed=0.2)
-    follower.set_path(Preview(times, np.tile(square.waypoints[0], (25, 1)), R))
-    dx = column(ideally(follower, np.arange(0.3, 2.2, 0.01)), 'dx')
+    follower.set_path(Preview(times, np.tile(square.waypoints[0], (50, 1)), R))
+    dx = column(ideally(follower, np.arange(0.3, 4.7, 0.01)), 'dx')
     assert dx[:, 3:] == pytest.approx(np.tile((0.0, 1.2, 1.6), (len(dx), 1)), abs=1e-6)

@@ -11,7 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.geometry import PEAK_ACCELERATION, PEAK_SPEED, quintic, quintics, rotation_matrix
+from redres_ros.geometry import (
+    PEAK_ACCELERATION,
+    PEAK_SPEED,
+    quintic,
+    quintics,
+    rate_matrix,
+    rotation_matrix,
+)
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.preview import Preview
@@ -215,6 +222,15 @@ class Planner:
         return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
 
+def _vector_rates(turn: RotationVector, w: np.ndarray, dw: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Derivatives of a rotation vector at an angular velocity w and acceleration dw."""
+    G = rate_matrix(turn).T
+    rate = np.linalg.solve(G, w)
+    e = 1e-4 * rate  # for dG/dt by the central difference
+    dG = (rate_matrix(turn + e) - rate_matrix(turn - e)).T / 2e-4
+    return rate, np.linalg.solve(G, dw - dG.dot(rate))
+
+
 class _Path:
     """Poses (N,) at times of the task, with orientations (N, 3, 3) or (0, 3, 3): quintic between
     them, velocities and accelerations by their neighbours, and at rest at both ends.
@@ -224,28 +240,28 @@ class _Path:
         self.times = times
         self.positions = positions
         self.rotations = rotations
-        turns = [rotation_error(rotations[0], R) for R in rotations]
-        for before, turn in pairwise(turns):  # beyond half a turn the longer vector goes on
-            longer = turn * (1.0 - 2.0 * np.pi / max(float(np.linalg.norm(turn)), 1e-9))
-            if np.linalg.norm(longer - before) < np.linalg.norm(turn - before):
-                turn[:] = longer
-        p = np.hstack((positions, turns)) if turns else positions  # (N, 3) or (N, 6)
+        steps = np.diff(positions, axis=0)  # (N - 1, 3) or, with rotation vectors, (N - 1, 6)
+        turns = [rotation_error(A, B) for A, B in pairwise(rotations)]  # any number in all
+        if len(rotations):
+            steps = np.hstack((steps, np.reshape(turns, (-1, 3))))
         h = np.diff(times)[:, None]
-        slopes = np.diff(p, axis=0) / h
+        slopes = steps / h
         around = h[1:] + h[:-1]
-        v = np.zeros_like(p)
-        a = np.zeros_like(p)
+        v = np.zeros((len(times), steps.shape[1]))
+        a = np.zeros_like(v)
         v[1:-1] = (h[1:] * slopes[:-1] + h[:-1] * slopes[1:]) / around
         a[1:-1] = 2.0 * np.diff(slopes, axis=0) / around
         # Coefficients of the powers of xi; a last segment is at rest.
         c_1 = h * v[:-1]
         c_2 = h**2 * a[:-1] / 2.0
-        dp = np.diff(p, axis=0) - c_1 - c_2
+        for k, turn in enumerate(turns, 1):  # of the vector from the pose before
+            v[k, 3:], a[k, 3:] = _vector_rates(turn, v[k, 3:], a[k, 3:])
+        dp = steps - c_1 - c_2
         dv = h * v[1:] - c_1 - 2.0 * c_2
         da = h**2 * a[1:] / 2.0 - c_2
         ends = (10 * dp - 4 * dv + da, -15 * dp + 7 * dv - 2 * da, 6 * dp - 3 * dv + da)
-        self._c = np.zeros((6, *p.shape))
-        self._c[0] = p
+        self._c = np.zeros((6, *v.shape))
+        self._c[0, :, :3] = positions
         self._c[1:, :-1] = c_1, c_2, *ends
         self._h = np.append(h, 1.0)
 
@@ -258,9 +274,8 @@ class _Path:
         dp = (np.arange(1, 6) * powers[:5]).dot(self._c[1:, k]) / self._h[k]
         if not len(self.rotations):
             return p, None, dp
-        e = 1e-4 * dp[3:]  # for the angular velocity by the central difference
-        dp[3:] = rotation_error(rotation_matrix(p[3:] - e), rotation_matrix(p[3:] + e)) / 2e-4
-        return p[:3], rotation_matrix(p[3:]).dot(self.rotations[0]), dp
+        dp[3:] = dp[3:].dot(rate_matrix(p[3:]))
+        return p[:3], rotation_matrix(p[3:]).dot(self.rotations[k]), dp
 
 
 class TargetFollower:
