@@ -133,7 +133,7 @@ class Controller:
         self._tick = TickContext(lost=robot_interface.lost)
         self._holds = False  # after hold()
         self._brakes = False  # without a crossfade
-        self._follows_joints = False
+        self.follows_joints = False
         self.published: Published | None = None
         self.policy = make_policy(
             model,
@@ -187,13 +187,13 @@ class Controller:
         self.policy = policy
         self._targeted = replace(policy, **kept)
         self._has_open_targets = True
-        self.follow_joints(self._follows_joints)
+        self.follow_joints(self.follows_joints)
 
     def follow_joints(self, follows: bool, *, at_once: bool = False) -> None:
         """Whether dx is that of all joints, (n,) [rad/s]; at once: if A is limited, unfaded."""
         limits = self.policy.limits
         self._brakes = at_once and bool(limits and limits.bounds_acceleration)
-        self._follows_joints = follows
+        self.follows_joints = follows
         self._choose()
         self.m = self.model.n if follows else self.policy.task.rows(self.model)
         self._dx_shape = (self.m,)
@@ -407,13 +407,13 @@ class Controller:
         q_ref = self.reference
         zeros = np.zeros(self.model.n)
         state = RobotState(self.model, q_ref, zeros)
-        policy = self.policy.for_joints if self._follows_joints else self.policy
+        policy = self.policy.for_joints if self.follows_joints else self.policy
         solution = Solution(zeros, policy.task.jacobian(state), np.zeros(self.m))
         return Command(solution, q_ref.copy(), state, self.T)
 
     def _choose(self) -> None:
         """Decide what the arm is to do, once no crossfade is under way."""
-        policy = self._targeted.for_joints if self._follows_joints else self._targeted
+        policy = self._targeted.for_joints if self.follows_joints else self._targeted
         self._desired = policy.stop if self._holds or self._restarts else policy
 
     def _diverged(

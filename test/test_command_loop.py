@@ -26,17 +26,13 @@ START = load_task('rectangle').start
 MOST_CALLS = 35  # of Python, from a state to its command
 MOST_FILES = 12
 GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
-
-
 Interface = str | RobotInterface
 JOINT_LIMITS = ('position', 'velocity', 'acceleration')
 
 
-def make_controller(
-    switch_time: float = 0.1, interface: Interface = 'fri', limits: tuple[str, ...] = ()
-) -> Controller:
+def make_controller(switch_time: float = 0.1, interface: Interface = 'fri') -> Controller:
     model = RobotModel.named('lwr4_paper')
-    options = {'switch_time': switch_time, 'limits': limits, 'robot_interface': interface}
+    options = {'switch_time': switch_time, 'robot_interface': interface}
     return Controller(model, 'minimum_acceleration', T, **options)
 
 
@@ -99,15 +95,17 @@ def at_speed(**settings: Any) -> Robot:
     return robot
 
 
-def limited(switch_time: float = 0.1, interface: Interface = 'fri') -> Robot:
+def limited(switch_time: float = 0.1, interface: Interface = 'fri', scale: float = 1.0) -> Robot:
     """A robot whose controller has limits on."""
-    return Robot(CommandLoop(make_controller(switch_time, interface, JOINT_LIMITS)))
+    controller = make_controller(switch_time, interface)
+    controller.set_limits(JOINT_LIMITS, limit_scale=scale)
+    return Robot(CommandLoop(controller))
 
 
-def assert_gentle(robot: Robot, *, holds: bool = False) -> None:
+def assert_gentle(robot: Robot, *, holds: bool = False, scale: float = 1.0) -> None:
     """All references since the start keep V and A, for a robot that extrapolates, or holds."""
     model = RobotModel.named('lwr4_paper')
-    A = np.array(model.arm.acceleration_limit)
+    A = scale * np.array(model.arm.acceleration_limit)
     v = np.zeros(model.n)
     for k in range(1, len(robot.references)):
         missed = robot.cycles[k] - robot.cycles[k - 1] - 1
@@ -456,23 +454,32 @@ def test_an_arm_that_does_not_follow_stops_within_its_limits(
     assert_gentle(robot)
 
 
-def test_an_arm_that_a_wall_pushes_back_is_not_placed_where_it_is_in_one_step() -> None:
-    robot = limited(interface='ros2_control')
-    robot.follow(500)
-    pushed = robot.q.copy()
-    for k in range(500):
-        pushed[1] -= 0.003 * (k < 10)  # [rad]
-        robot.q = np.array((robot.references[-1][0], pushed[1], *robot.references[-1][2:]))
+@pytest.mark.parametrize('meanwhile', ['velocity', 'other velocity', 'let go on'])
+def test_an_arm_that_a_wall_pushes_back_is_not_placed_there_in_one_step(meanwhile: str) -> None:
+    scale = 1.0 if meanwhile == 'velocity' else 0.05
+    robot = limited(interface='ros2_control', scale=scale)
+    of_joints = meanwhile == 'other velocity'
+    for _ in range(500):
         robot.ask()
-        robot.steer(velocity(robot.cycle))
-    assert robot.following.mode is Mode.HOLDING
+        dx = np.full(7, 0.02) if of_joints else velocity(robot.cycle)
+        robot.following.enter_velocity(robot.stamp, dx, robot.now, of_joints=of_joints)
+    pushed = robot.q.copy()
+    for k in range(800):
+        pushed[1] -= 0.003 * (k < 10)  # [rad]
+        robot.q = pushed + 1e-4 * (-1.0) ** k  # noise of its sensors
+        robot.ask()
+        if meanwhile == 'let go on' and k == 40:
+            robot.following.hold(False)
+        if k < 60:
+            robot.steer(velocity(robot.cycle), stamp=0)
     assert np.abs(robot.references[-1] - robot.q).max() < 1e-3
-    assert_gentle(robot, holds=True)
+    assert_gentle(robot, holds=True, scale=scale)
 
 
-def test_a_bent_arm_that_is_approached_by_its_reference_does_not_count_as_one_that_is_stuck() -> (
-    None
-):
+@pytest.mark.parametrize('lets_go', [False, True])
+def test_a_bent_arm_that_is_approached_by_its_reference_does_not_count_as_one_that_is_stuck(
+    lets_go: bool,
+) -> None:
     robot = limited()
     robot.follow(500)
     robot.follow(500, lambda cycle: np.zeros(3))
@@ -480,7 +487,8 @@ def test_a_bent_arm_that_is_approached_by_its_reference_does_not_count_as_one_th
     while np.abs(robot.references[-1] - bent).max() > 1e-5:
         robot.q = bent
         robot.ask()
-        robot.steer(velocity(robot.cycle % 1000))
+        if not lets_go or robot.cycle not in range(1060, 1200):
+            robot.steer(velocity(robot.cycle % 1000))
         assert robot.following.mode is not Mode.MIRRORING
     assert_gentle(robot)
 

@@ -142,11 +142,13 @@ class Limits:
             limit._enter(self._joints)
         self._boxes = np.empty((BOXES + 1, 2, model.n))  # of the last state
         self.acceleration: JointAccelerations | None = None  # that the arm is able to
+        self.allowed_acceleration: JointAccelerations | None = None
         self.jerk: np.ndarray | None = None  # that is allowed
         self.braking_limit: AccelerationLimit | None = None  # of the end of the reach
         for limit in joint_limits:
             if isinstance(limit, AccelerationLimit):
                 self.acceleration = limit.A / limit.scale
+                self.allowed_acceleration = limit.A
                 self.braking_limit = limit if limit.reach > 0.0 else None
             if isinstance(limit, JerkLimit):
                 self.jerk = self._joints['J'].copy()

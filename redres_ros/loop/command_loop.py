@@ -248,8 +248,9 @@ class CommandLoop:
             is_away = self._held_reference.is_left
         self.faults.clear()
         self.faults.begin()
+        self.faults.is_lost = False
         self.input.buffer.clear()
-        self._end_approach()
+        self._approach = None
         if q is None or published is None or not stays or is_away(q):
             controller.restart()
         else:
@@ -276,10 +277,7 @@ class CommandLoop:
 
         Raises VelocityError for one that is too fast, too old, or stamped too far ahead.
         """
-        kind = self.input.buffer
         self.input.enter(stamp, dx, now, time_of_day, of_joints=of_joints)
-        if self.input.buffer is not kind:
-            self._approach = None
         return self.respond_if_due(now)
 
     def respond_if_due(self, now: Seconds, *, robot_waits: bool = True) -> Response | None:
@@ -365,7 +363,7 @@ class CommandLoop:
                 f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
                 f'{place}, at rest'
             )
-            self._end_approach()
+            self._approach = None
             controller.hold_at(published.q if holds else state.q)
             self._held_reference.begin(state.q, LAG_TIME * self.faults.fast if holds else None)
             self.mode = Mode.HOLDING
@@ -387,7 +385,7 @@ class CommandLoop:
         asks = not stale and largest(dx) > NOTHING
         asks = asks or (self.mode is Mode.MOVING and measurements.asks)
         # A reference that approaches the arm needs no motion of it.
-        moves = self.mode in MOVING_MODES and self._approach is None
+        moves = self.mode in MOVING_MODES and self._approach is None and not faults.is_lost
         was_lost = faults.is_lost
         faults.update(state.q, missed + 1, asks=asks, stale=stale, moves=moves)
         if faults.is_lost and not was_lost:  # its reference is to come to where it is
@@ -422,7 +420,7 @@ class CommandLoop:
                 asked = asked or measurements.asks
         is_at_rest = fastest <= _AT_REST
         if faults.is_lost:
-            is_at_rest = self._held_reference.has_caught_up(state.q, fastest)
+            is_at_rest = self._held_reference.has_caught_up(state.q) and is_at_rest
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or fastest > 0.0,
@@ -442,7 +440,8 @@ class CommandLoop:
         controller = self._controller
         self.faults.begin()
         self._progress.begin()
-        self._end_approach()
+        if self.mode is not Mode.STOPPING:
+            self._approach = None
         if before is Mode.INACTIVE or controller.published is None:
             controller.hold_at(state.q)
         if before in MOVING_MODES:
@@ -451,27 +450,20 @@ class CommandLoop:
             self._pose_hold.resume()
             if self.faults.is_away(state.q):
                 self._approach = state.q
-                controller.follow_joints(True)
             controller.resume()
         elif self.mode is Mode.HOLDING:
             controller.gap = 1
-            is_lost = self.faults.is_lost
-            held = self._held_reference
-            controller.hold_at(held.beside(state.q) if is_lost else controller.reference)
+            controller.hold_at(controller.reference)
             controller.follow_joints(self.input.is_of_joints)
-            followed = before in MOVING_MODES and not self.faults.reason
-            held.begin(state.q, LAG_TIME * self.faults.fast if followed else None)
-            self.faults.is_lost = False
+            follows = before in MOVING_MODES and not (self.faults.reason or self.faults.is_lost)
+            lag = LAG_TIME * self.faults.fast if follows else None
+            self._held_reference.begin(state.q, lag)
         else:
             if not self.faults.is_lost:
                 controller.hold()
             self.measurements.restart()
-
-    def _end_approach(self) -> None:
-        """Follow the input velocity again."""
-        if self._approach is not None:
-            self._approach = None
-            self._controller.follow_joints(self.input.is_of_joints)
+        if self.mode is not Mode.STOPPING:
+            self.faults.is_lost = False
 
     def _watch_progress(self, asked: TaskVelocity, command: Command) -> None:
         """Notice that hardly anything is executed of what is asked for."""
@@ -501,8 +493,11 @@ class CommandLoop:
             if self.faults.is_lost:
                 along = self._held_reference.catch_up(q)
             return self._move(q, along, missed)
-        if self._approach is not None or self.input.is_of_joints:
+        of_joints = self._approach is not None or self.input.is_of_joints
+        if of_joints:
             self._pose_hold.clear()
+        if of_joints is not self._controller.follows_joints:
+            self._controller.follow_joints(of_joints)
         if self._approach is not None:
             return self._approach_arm(self._approach, q, missed)
         scaling = self.input.settings.scaling
@@ -527,7 +522,7 @@ class CommandLoop:
         """Towards where the arm is, before it follows anything."""
         command = self._move(q, approach_velocity(self._controller, end), missed)
         if largest(end - self._controller.reference) <= ARRIVED:
-            self._end_approach()
+            self._approach = None
         return command
 
     def _yield(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:

@@ -17,7 +17,7 @@ NOTHING = 1e-3  # [m/s], [rad/s]; a velocity with less asks for nothing
 
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
-_CATCH_UP = 10.0  # [rad/s^2] the same of a reference from which the arm has been moved away
+_CATCH_UP = 10.0  # [rad/s^2] the same for a reference from which the arm has been moved away
 _STILL = 5e-4  # [rad] that an arm at rest moves at most
 _REST = 0.1  # [s] for which it has not moved further
 _SERVO = 5e-3  # [rad] of a servo's error at rest
@@ -110,20 +110,13 @@ class HeldReference:
 
     def catch_up(self, q: JointPositions) -> JointVelocities:
         """The velocity of the reference to an arm at q that was moved away from it."""
-        return approach_velocity(self._controller, q - self._servo, _CATCH_UP, 1.0)
+        end = self._stood if self._still >= _REST else q
+        return approach_velocity(self._controller, end - self._servo, _CATCH_UP, 1.0)
 
-    def has_caught_up(self, q: JointPositions, speed: float) -> bool:
-        """Whether that reference, of this speed [rad/s], may stop, where the arm rests."""
-        T = self._controller.T
-        self._look(q, T)
-        rests = self._still >= _REST and speed <= _CATCH_UP * T / 2
-        return rests and largest(self._error(q)) <= _STILL
-
-    def beside(self, q: JointPositions) -> JointPositions:
-        """Where it stops then: at the arm, if that is no step beyond its acceleration."""
-        rest = self._error(q)
-        is_small = largest(rest) <= _CATCH_UP * self._controller.T**2 / 2
-        return self._controller.reference + rest * is_small
+    def has_caught_up(self, q: JointPositions) -> bool:
+        """Whether that reference is where the arm rests."""
+        self._look(q, self._controller.T)
+        return self._still >= _REST and largest(self._error(self._stood)) <= ARRIVED
 
 
 def approach_velocity(
@@ -135,9 +128,13 @@ def approach_velocity(
     """The velocity of the reference to q, from which all joints can stop there."""
     rest = q - controller.reference
     distances = np.maximum(np.abs(rest), ARRIVED)  # a joint that is there holds none of the others
+    limits = controller.policy.limits
+    A = np.full(len(q), acceleration)
+    if limits is not None and limits.allowed_acceleration is not None:
+        A = np.minimum(A, limits.allowed_acceleration)
     allowed = [
-        min(stopping_speed(d, acceleration, controller.T), V)
-        for d, V in zip(distances.tolist(), controller.model.dq_max * speed, strict=True)
+        min(stopping_speed(d, most, controller.T), V)
+        for d, most, V in zip(distances, A, controller.model.dq_max * speed, strict=True)
     ]
     return rest * float(np.min(allowed / distances))
 

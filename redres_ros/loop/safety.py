@@ -63,6 +63,7 @@ class FaultMonitor:
         self.fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
         self._pause = 0.0  # [s] for which no motion was asked for
         self._references: deque[JointPositions] = deque(maxlen=max(round(_DELAY / controller.T), 1))
+        self.is_lost = False  # others have moved the arm, and its reference is of no use
         self.clear()
         self.begin()
 
@@ -85,7 +86,6 @@ class FaultMonitor:
 
     def clear(self) -> None:
         self.reason = ''
-        self.is_lost = False  # others have moved the arm, and its reference is of no use
         self.executes = True
         self.released = False
 

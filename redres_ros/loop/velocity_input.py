@@ -196,7 +196,7 @@ class VelocityInput:
     """The input velocities, of the task or of all joints; the newest kind counts.
 
     Args:
-        controller: Switches to the kind that is in use.
+        controller: Of the arm that they are for.
 
     Attributes:
         buffer: The one in use: of_task or of_joints.
@@ -254,7 +254,6 @@ class VelocityInput:
             self.is_of_joints = of_joints
             self.buffer = self.of_joints if of_joints else self.of_task
             self.buffer.clear()
-            self._controller.follow_joints(of_joints)
         self.is_of_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self.is_steered = not (of_joints or self.is_of_state)
         self._cycle = cycles.number
