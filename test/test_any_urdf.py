@@ -2,11 +2,10 @@
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -42,15 +41,8 @@ def path(tmp_path: Path) -> Path:
 @pytest.mark.nightly
 def test_one_command_moves_the_arm_of_a_file(path: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
-    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01']
-    done = subprocess.run(
-        [sys.executable, '-m', 'redres_ros.cli', 'demo', *options, '--out', str(out)],
-        cwd=path.parent,
-        capture_output=True,
-        text=True,
-        timeout=180,
-        check=False,
-    )
+    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01', '--out', out]
+    done = run_python('-m', 'redres_ros.cli', 'demo', *options, cwd=path.parent)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [file.name for file in path.parent.iterdir()] == [path.name]
     head, first = (out / 'motion.csv').read_text().splitlines()[:2]

@@ -173,20 +173,6 @@ def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -
     np.testing.assert_array_equal(robot.references, perfect.references)
 
 
-@pytest.mark.parametrize(('interface', 'cycles'), [('fri', 3.0), ('ros2_control', 0.0)])
-def test_after_missed_cycles_the_reference_goes_on_from_where_the_robot_is(
-    interface: str, cycles: float
-) -> None:
-    robot = at_speed(interface=interface)
-    before, last = robot.references[-2:]
-    robot.cycle += 3
-    response = robot.ask()
-    assert response is not None
-    expected = last + cycles * (last - before) + T * response.command.dq
-    np.testing.assert_allclose(response.command.q_ref, expected, rtol=0.0, atol=1e-12)
-    assert robot.following.skipped >= 3
-
-
 def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
     references = []
     for wraps in (False, True):
@@ -344,28 +330,6 @@ def test_an_arm_that_sags_elsewhere_than_where_it_rested_is_not_placed_anew() ->
             rests[stage // 2].append(robot.references[-1])
         q = q + 0.1 * (0.05 * START + 0.95 * robot.references[-1] - q)  # a servo
     assert not any(np.diff(rest, axis=0).any() for rest in rests)
-
-
-@pytest.mark.parametrize(
-    ('block', 'restarts'),
-    [
-        (lambda loop: None, 0),
-        (lambda loop: loop.hold(True), 3),
-        (CommandLoop.deactivate, 3),
-        (lambda loop: loop.faults.set('a fault'), 3),
-    ],
-)
-def test_measurements_restart_as_long_as_the_arm_is_held_inactive_or_faulty(
-    block: Callable[[CommandLoop], None], restarts: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    robot = make()
-    robot.ask()
-    calls: list[None] = []
-    monkeypatch.setattr(robot.following.measurements, 'restart', lambda: calls.append(None))
-    block(robot.following)
-    for _ in range(3):
-        robot.ask()
-    assert len(calls) == restarts
 
 
 def test_an_arm_that_is_pushed_and_let_go_comes_back_to_its_reference() -> None:

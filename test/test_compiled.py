@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import float64
+from programs import run_python
 
 import redres_ros
 from redres_ros.files.processes import handled, interruptible
@@ -95,14 +96,8 @@ def kernels(tmp_path: Path) -> Path:
 def ask(kernels: Path, **environment: str) -> tuple[str, str]:
     """The kernel's result in a new process with the number of its compilations; and its stderr."""
     package = kernels.parent.parent
-    done = subprocess.run(
-        [sys.executable, '-c', ASK],
-        cwd=package,
-        env=os.environ | {'PYTHONPATH': str(package)} | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    variables = os.environ | {'PYTHONPATH': str(package)} | environment
+    done = run_python('-c', ASK, cwd=package, env=variables, check=True)
     return done.stdout.strip(), done.stderr.strip()
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from contact_scenes import PUSH, elbow_direction, elbow_pushed
-from test_command_loop import T
-from test_yielding import LIMITS, LoopedArm
+from test_command_loop import JOINT_LIMITS, T
+from test_yielding import LoopedArm
 
 from redres_ros import LAWS, Compliance, Controller, Posture, RobotModel, make_law
 from redres_ros.errors import ArrayError
@@ -84,7 +84,7 @@ def yielding_arm() -> LoopedArm:
     model = RobotModel.named('fr3')
     law = make_law('minimum_acceleration', damping=10.0)
     controller = Controller(
-        model, law, T, switch_time=0.1, limits=LIMITS, preferences=(Compliance(), Posture())
+        model, law, T, switch_time=0.1, limits=JOINT_LIMITS, preferences=(Compliance(), Posture())
     )
     return LoopedArm(controller, np.array(model.arm.start))
 

@@ -103,14 +103,6 @@ def test_acceleration_and_torque_belong_to_the_step_in_velocity(model, task):
     assert second.tau == pytest.approx(second.state.M @ ddq + second.state.n, abs=1e-9)  # Eq. (6)
 
 
-@pytest.mark.parametrize(
-    ('space', 'dx'), [('position', DX), ('pose', np.array((0.1, 0.0, 0.0, 0.0, 0.2, 0.0)))]
-)
-def test_the_command_executes_the_task_with_all_its_rows(model, task, space, dx):
-    command = controller_of(model, task=space).update(task.start, dx)
-    assert command.J @ command.dq == pytest.approx(dx, abs=ROUNDING)
-
-
 def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
     used = controller_of(model)
     untouched = controller_of(model)
@@ -283,14 +275,6 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     for k in range(1, round(0.5 / period)):
         s, _ = quintic(k * period / 0.5)
         assert controller.update(np.zeros(7), np.zeros(3)).dq == pytest.approx(1.0 - s, abs=1e-9)
-
-
-def test_asking_for_the_law_in_force_changes_nothing(underway):
-    drive = underway('minimum_acceleration', 4.5)
-    asked = drive.copy()
-    asked.controller.switch_law(make_law('minimum_acceleration'))
-    for command, expected in zip(asked.run(0.1), drive.run(0.1), strict=True):
-        assert (command.dq == expected.dq).all()
 
 
 def test_of_many_switches_the_last_one_wins(underway):

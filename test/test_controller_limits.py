@@ -70,19 +70,6 @@ def test_hold_begins_at_once_during_a_blend(model, task, limits):
     assert speeds[500] == pytest.approx(speeds[0] / 2.0, rel=0.02)
 
 
-def test_resume_begins_at_once_during_a_hold(model, task):
-    controller, q = underway(model, task, switch_time=2.0)
-    controller.hold()
-    for _ in range(300):
-        q = controller.update(q, DX).q_ref
-    controller.resume()
-    for _ in range(1000):
-        command = controller.update(q, DX)
-        assert np.linalg.norm(command.ddq) < 5.0
-        q = command.q_ref
-    assert command.J @ command.dq == pytest.approx(DX, abs=1e-12)
-
-
 @pytest.mark.parametrize('limits', [(), ('velocity',), ('position', 'velocity')])
 def test_limits_are_taken_off_without_a_jump(model, task, limits):
     """From crawling under narrow limits to what the task asks for."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from printed import differences
+from programs import run_python
 
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
 
@@ -21,14 +22,7 @@ pytestmark = pytest.mark.slow
 
 def run(name: str, *arguments: str) -> str:
     """What the script prints."""
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / f'{name}.py'), *arguments],
-        cwd=EXAMPLES.parent,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = run_python(EXAMPLES / f'{name}.py', *arguments, cwd=EXAMPLES.parent)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

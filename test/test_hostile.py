@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from nightly import by_day
+from programs import run_python
 
 from redres_ros.cli import main
 from redres_ros.nodes.entry import run_node
@@ -140,14 +141,7 @@ BY_NODES = ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco']
     ],
 )
 def test_ctrl_c_while_a_program_loads_ends_it_quietly(tmp_path, program, module):
-    done = subprocess.run(
-        [sys.executable, '-c', INTERRUPTED.format(module=module) + program],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = run_python('-c', INTERRUPTED.format(module=module) + program, cwd=tmp_path)
     assert (done.returncode, done.stdout + done.stderr) == (130, '')
 
 

@@ -21,13 +21,6 @@ def random_ends() -> np.ndarray:
     return START + random.normal(0.0, 1.5, (50, 3)) * random.choice((0.01, 1.0), (50, 1))
 
 
-def test_it_goes_from_the_start_to_the_end() -> None:
-    for end in random_ends():
-        path = JointPath(START, end, V, A)
-        assert path.reference(START, 0.0).q_d == pytest.approx(START, abs=1e-12)
-        assert path.reference(end, path.duration).q_d == pytest.approx(end, abs=1e-12)
-
-
 @pytest.mark.slow
 def test_no_joint_is_faster_than_it_may_be_and_one_is_as_fast_if_that_takes_longest() -> None:
     for end in random_ends():
@@ -75,14 +68,6 @@ def test_an_arm_that_is_there_needs_no_path() -> None:
     q = np.array(model.arm.start)
     assert path_to(model, q + 0.019, q) is None
     assert path_to(model, q + 0.021, q) is not None
-
-
-def test_an_arm_takes_a_quarter_of_its_velocity() -> None:
-    model = RobotModel.named('lwr4_paper')
-    q = np.array(model.arm.start)
-    path = path_to(model, q + 2.0, q)
-    assert path is not None
-    assert path.duration == pytest.approx(15.0 / 8.0 * 2.0 / (0.25 * model.dq_max.min()))
 
 
 def test_a_joint_of_several_turns_goes_the_shortest_way_within_its_range() -> None:

@@ -1,10 +1,8 @@
 """The law that looks ahead: an optimum of the whole horizon, and never off its task."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from programs import run_python
 
 from redres_ros import LAWS, Controller, Preview, RobotModel, load_task, make_law, resolve, run
 from redres_ros.errors import ArrayError
@@ -280,5 +278,4 @@ def test_what_is_compiled_is_loaded_with_the_law_and_not_in_a_tick():
         'make_law("minimum_acceleration"); before = name in sys.modules; '
         'make_law("minimum_acceleration", horizon=1.0); print(before, name in sys.modules)'
     )
-    shown = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert shown.stdout.split() == ['False', 'True']
+    assert run_python('-c', code, check=True).stdout.split() == ['False', 'True']

@@ -1,7 +1,5 @@
 """Names and parameters of nodes, as files and command lines give them."""
 
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -9,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 from nightly import by_day
+from programs import run_python
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -204,9 +203,7 @@ def test_only_the_fake_robot_needs_mujoco_and_says_how_to_get_it(name: str) -> N
         f"sys.exit(run_node('{name}', ['--ros-args', '-p', 'rate:=no']))"
     )
     with own_domain():
-        done = subprocess.run(
-            [sys.executable, '-c', program], capture_output=True, text=True, check=False
-        )
+        done = run_python('-c', program)
     assert done.returncode == 1
     needs_it = name in ('sim', 'composed')
     expected = 'the package mujoco is not installed; install it with: pip install mujoco'

@@ -2,14 +2,13 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import run_python
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -102,15 +101,8 @@ def test_a_domain_that_does_not_exist_is_refused(
 def test_a_process_of_a_node_that_cannot_start_ends_with_a_status_and_one_line(
     environment: dict[str, str], words: tuple[str, ...]
 ) -> None:
-    command = [sys.executable, '-m', 'redres_ros.nodes.entry', 'planner']
-    done = subprocess.run(
-        command,
-        text=True,
-        timeout=PATIENCE,
-        capture_output=True,
-        check=False,
-        env={**os.environ, **environment},
-    )
+    variables = {**os.environ, **environment}
+    done = run_python('-m', 'redres_ros.nodes.entry', 'planner', env=variables)
     assert done.returncode not in (0, -signal.SIGKILL)
     assert_one_line(done.stderr, words)
 

@@ -3,11 +3,10 @@
 import importlib.util
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -34,14 +33,7 @@ def test_without_ros_it_receives_states_and_commands_and_steers_the_arm(tmp_path
             NodeProcess('controller', tmp_path / 'controller.log', {}),
         ]
         try:
-            done = subprocess.run(
-                [sys.executable, str(SCRIPT), str(domain), '1000'],
-                capture_output=True,
-                text=True,
-                timeout=180,
-                check=False,
-                env={**os.environ, 'PYTHONPATH': ''},
-            )
+            done = run_python(SCRIPT, domain, '1000', env={**os.environ, 'PYTHONPATH': ''})
         finally:
             for node in nodes:
                 node.end()

@@ -94,13 +94,6 @@ def test_feedback_is_the_gain_times_the_error_and_limited_in_speed(square):
     assert whole.dx == pytest.approx(7.0 * error)  # Eq. (37)
 
 
-def test_the_rate_slows_the_path_down_but_not_the_feedback(square):
-    x = square.waypoints[0] + (0.0, 0.01, 0.0)
-    whole, half, none = (Planner(square).reference(x, 0.2, rate=rate) for rate in (1.0, 0.5, 0.0))
-    assert half.dx == pytest.approx((whole.dx + none.dx) / 2.0)
-    assert none.dx == pytest.approx(square.feedback_gain * whole.error)
-
-
 # --- from one segment to the next -----------------------------------------------------------------
 
 
@@ -165,15 +158,6 @@ def test_what_a_singularity_blocks_keeps_no_segment_from_ending_but_the_last(squ
     assert not planner.reference(square.waypoints[3] + below, 9.0, unachieved=blocked).finished
 
 
-def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
-    start = square.waypoints[0] + (0.0, 0.0, 0.1)
-    references = follow(Planner(square, start), start, 1100)
-    assert (references[0].x_d == start).all()
-    assert not references[0].dx.any()
-    assert column(references, 'segment')[[0, 499, 500, 1000]].tolist() == [0, 0, 1, 2]
-    assert references[500].x_d == pytest.approx(square.waypoints[0], abs=1e-12)
-
-
 @pytest.mark.parametrize(('offset', 'turn'), [(0.6, 0.0), (0.6, 2.0), (0.0, 2.0)])
 def test_the_approach_is_no_faster_than_the_task(square, offset, turn):
     start = square.waypoints[0] + (0.0, offset, 0.0)
@@ -223,13 +207,6 @@ def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
     assert errors.max() < 1e-3  # T times the change of the angular velocity, over k_P
     assert references[-1].finished
     assert (references[-1].R_d == turning.orientations[-1]).all()
-
-
-def test_a_task_without_orientations_holds_the_first_one(square):
-    R = turned((0.3, 0.0, 0.0))[0]
-    references = follow(Planner(square), square.waypoints[0], 1600, R)
-    assert all(reference.R_d == pytest.approx(R, abs=1e-12) for reference in references)
-    assert np.abs(column(references, 'dx')[:, 3:]).max() < 1e-12
 
 
 def test_a_preview_of_a_long_task_turns_only_through_what_it_shows(turning):
@@ -319,18 +296,6 @@ def test_the_tip_is_at_each_pose_of_a_path_at_its_time_and_at_rest_at_the_end(sq
     assert column(references, 'finished').tolist() == [False] * 5 + [True]
 
 
-def test_velocity_and_acceleration_of_a_path_are_continuous_at_its_poses(square):
-    path = policy(np.array((0.0, 0.1, 0.14, 0.3, 0.4)))
-    follower = resting(square, path)
-    follower.set_path(path)
-    h = 1e-5
-    around = [each + k * h for each in path.times[1:] for k in (-2, -1, 0, 1, 2)]
-    dx = column(ideally(follower, np.array(around)), 'dx').reshape(4, 5, 6)
-    accelerations = np.diff(dx, axis=1) / h
-    # They change by the jerk times h: 60 / (0.04 s)^3 times some 4 mm, and as much of the turns
-    assert np.abs(np.diff(accelerations, axis=1)).max() < 0.1
-
-
 @pytest.mark.parametrize('rate', [10.0, 25.0, 60.0])
 @pytest.mark.parametrize('noise', [0.0, 0.005])  # [m] between a piece and the next
 def test_overlapping_pieces_of_a_path_make_no_step_of_position_or_velocity(square, rate, noise):
@@ -397,13 +362,6 @@ def test_the_orientation_stays_one_however_many_targets_come(square):
         R = follower.reference(square.waypoints[0], 0.016 * k, EYE).R_d
         follower.set_target(random.normal(0.0, 0.3, 3), turned(random.normal(0.0, 0.3, 3))[0])
     assert R @ R.T == pytest.approx(EYE, abs=1e-12)
-
-
-def test_on_the_way_to_a_target_progress_counts_up_to_one(square):
-    follower = resting(square, policy(np.zeros(1)))
-    follower.set_target(square.waypoints[0] + np.array((0.1, 0.0, 0.0)), EYE)
-    seen = [follower.progress(t) for t in (0.0, 0.3, 0.6, 9.0)]
-    assert 0.0 <= seen[0] < seen[1] < seen[2] < seen[3] == 1.0
 
 
 def test_a_path_turns_by_more_than_a_full_turn_at_its_own_speed(square):

@@ -1,11 +1,10 @@
 """Laws and the like of one's own, without editing the package: from a file, or a package."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 from redres_ros.cli import main
 from redres_ros.files import plugins
@@ -104,9 +103,7 @@ def test_a_package_that_is_installed_brings_its_laws_by_entry_point(tmp_path: Pa
         f'import sys; sys.path.insert(0, {str(tmp_path)!r}); from redres_ros import make_law; '
         'print(type(make_law("wrist_first")).__module__)'
     )
-    done = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=True
-    )
+    done = run_python('-c', program, check=True)
     assert done.stdout.strip() == 'my_laws'
     assert 'broken of my_laws:Nothing is left out' in done.stderr
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from test_command_loop import JOINT_LIMITS, Robot, T
 
 from redres_ros import Controller, RobotModel
 from redres_ros.kernels.tick import rotation_error
@@ -11,21 +12,15 @@ from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.nodes.policy_parameters import END_OF_REACH
 
-T = 0.002  # [s]
-NS = 2_000_000  # [ns]
-EPOCH = 1_700_000_000 * 10**9  # [ns]
-BOX = ('position', 'velocity', 'acceleration')
-NOW = 0  # a stamp
-
 Velocity = Callable[[float], np.ndarray]
 
 
-class Arm:
+class Arm(Robot):
     """An FR3 with an ideal servo, and its operator."""
 
-    def __init__(self, limits: tuple[str, ...] = BOX) -> None:
+    def __init__(self, limits: tuple[str, ...] = JOINT_LIMITS) -> None:
         self.model = RobotModel.named('fr3')
-        controller = Controller(
+        self.controller = Controller(
             self.model,
             'minimum_acceleration',
             T,
@@ -34,26 +29,14 @@ class Arm:
             limit_gains={'acceleration.reach': END_OF_REACH} if limits else {},
             switch_time=0.0,
         )
-        self.loop = CommandLoop(controller)
-        self.controller = controller
-        self.q = np.array(self.model.arm.start)
-        self.cycle = 0
+        self.loop = CommandLoop(self.controller)
+        super().__init__(self.loop, np.array(self.model.arm.start))
 
-    def steer(
-        self, seconds: float, velocity: Velocity, *, stamped: bool = False
-    ) -> list[np.ndarray]:
-        """The references, (n,), of so many seconds."""
-        references = []
+    def run(self, seconds: float, velocity: Velocity, *, stamped: bool = False) -> None:
+        """Steer for so many seconds, by what a function of time says."""
         for _ in range(round(seconds / T)):
-            self.cycle += 1
-            stamp = EPOCH + self.cycle * NS
-            response = self.loop.step(stamp, self.q, self.cycle * T)
-            if response is not None:
-                self.q = response.command.q_ref
-                references.append(self.q)
-            dx = velocity(self.cycle * T)
-            self.loop.enter_velocity(stamp if stamped else NOW, dx, self.cycle * T + 3e-4)
-        return references
+            self.ask()
+            self.steer(velocity(self.now), None if stamped else 0)
 
     def turned(self, R: np.ndarray) -> float:
         """The angle from an orientation [rad]."""
@@ -72,9 +55,9 @@ def turning(t: float) -> np.ndarray:
 def test_translation_alone_does_not_turn_the_tip():
     arm = Arm()
     _, R = arm.model.tip(arm.q)
-    arm.steer(8.0, sideways)
+    arm.run(8.0, sideways)
     first = arm.turned(R)
-    arm.steer(8.0, sideways)
+    arm.run(8.0, sideways)
     assert first < np.radians(0.05)
     assert arm.turned(R) - first < np.radians(0.05) * 8.0 / 60.0
 
@@ -84,10 +67,10 @@ def test_a_planners_velocities_are_executed_as_they_are():
     """It closes a loop of its own: the same velocities, stamped with states, drift as ever."""
     arm = Arm()
     _, R = arm.model.tip(arm.q)
-    arm.steer(8.0, sideways, stamped=True)
+    arm.run(8.0, sideways, stamped=True)
     drifted = arm.turned(R)
     steered = Arm()
-    steered.steer(8.0, sideways)
+    steered.run(8.0, sideways)
     assert drifted > 10.0 * steered.turned(R)
     assert arm.controller.policy.scaling == 'task'
     assert steered.controller.policy.scaling == 'components'
@@ -95,9 +78,9 @@ def test_a_planners_velocities_are_executed_as_they_are():
 
 def stretched() -> Arm:
     arm = Arm()
-    arm.steer(1.0, lambda _: np.array((0.1, 0.0, 0.1, 0.0, 0.0, 0.0)))
-    arm.steer(4.0, lambda _: np.array((0.15, 0.0, 0.0, 0.0, 0.0, 0.0)))
-    arm.steer(0.2, lambda _: np.zeros(6))
+    arm.run(1.0, lambda _: np.array((0.1, 0.0, 0.1, 0.0, 0.0, 0.0)))
+    arm.run(4.0, lambda _: np.array((0.15, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    arm.run(0.2, lambda _: np.zeros(6))
     return arm
 
 
@@ -111,19 +94,18 @@ def test_a_position_that_could_not_be_held_comes_back_when_the_turn_is_reversed(
     """In between the velocity is zero."""
     arm = stretched()
     x, _ = arm.model.tip(arm.q)
-    arm.steer(2.5, tilting)
+    arm.run(2.5, tilting)
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.02
-    arm.steer(4.0, lambda t: -0.4 * tilting(t))
+    arm.run(4.0, lambda t: -0.4 * tilting(t))
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) < 1e-3
 
 
-@pytest.mark.parametrize('limits', [(), BOX])
+@pytest.mark.parametrize('limits', [(), JOINT_LIMITS])
 def test_what_is_asked_for_again_begins_without_a_jump(limits):
     arm = Arm(limits)
-    references = arm.steer(2.0, sideways)
-    references += arm.steer(1.0, turning)
-    references += arm.steer(1.0, sideways)
-    V = np.array([arm.controller.model.tip(q)[0] for q in references])
+    for seconds, velocity in ((2.0, sideways), (1.0, turning), (1.0, sideways)):
+        arm.run(seconds, velocity)
+    V = np.array([arm.model.tip(q)[0] for q in arm.references])
     acceleration = np.linalg.norm(np.diff(V, 2, axis=0), axis=1) / T**2
     assert acceleration.max() < 3.0  # [m/s^2]; 2 of the twist buffer
 
@@ -141,9 +123,9 @@ def test_a_tip_that_limits_have_turned_comes_back():
     """Limits turn it while it is dragged beyond where its orientation can be kept."""
     arm = Arm()
     _, R = arm.model.tip(arm.q)
-    arm.steer(2.0, along(OUT))
+    arm.run(2.0, along(OUT))
     assert arm.turned(R) > np.radians(3.0)
-    arm.steer(4.0, along(BACK))
+    arm.run(4.0, along(BACK))
     assert arm.turned(R) < np.radians(0.5)
 
 
@@ -152,13 +134,13 @@ def test_a_tip_that_limits_have_turned_comes_back():
 def test_what_was_turned_comes_back_after_the_arm_has_been_held_and_the_law_changed(law):
     arm = Arm()
     _, R = arm.model.tip(arm.q)
-    arm.steer(2.0, along(OUT))
+    arm.run(2.0, along(OUT))
     turned = arm.turned(R)
-    arm.steer(2.0, along((0.0, 0.0, 0.0)))
+    arm.run(2.0, along((0.0, 0.0, 0.0)))
     assert arm.loop.mode is Mode.HOLDING
     arm.controller.switch_law(law)
     assert np.radians(3.0) < turned < np.radians(26.0)
-    arm.steer(3.0, along(BACK))
+    arm.run(3.0, along(BACK))
     assert arm.turned(R) < np.radians(0.5)
 
 
@@ -167,7 +149,7 @@ def test_noise_of_the_joystick_does_not_count_as_asked():
     arm = Arm()
     _, R = arm.model.tip(arm.q)
     random = np.random.default_rng(0)
-    arm.steer(8.0, lambda t: sideways(t) + 1e-4 * random.normal(size=6))
+    arm.run(8.0, lambda t: sideways(t) + 1e-4 * random.normal(size=6))
     assert arm.turned(R) < np.radians(0.05)
 
 
@@ -175,21 +157,21 @@ def test_noise_of_the_joystick_does_not_count_as_asked():
 def test_after_a_smooth_pause_the_arm_goes_on_at_once():
     """A filtered joystick never comes to exact zero; what is held has not come back."""
     arm = Arm()
-    arm.steer(4.0, along(OUT))
+    arm.run(4.0, along(OUT))
     begin = arm.cycle * T
-    arm.steer(8.0, lambda t: np.exp((begin - t) / 0.5) * along(OUT)(t))
+    arm.run(8.0, lambda t: np.exp((begin - t) / 0.5) * along(OUT)(t))
     assert arm.loop.mode is Mode.HOLDING
     assert not arm.loop.error
     x, _ = arm.model.tip(arm.q)
-    arm.steer(1.0, along(BACK))
+    arm.run(1.0, along(BACK))
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.1
 
 
 @pytest.mark.slow
 def test_what_is_asked_for_is_held_where_it_is_left():
     arm = Arm()
-    arm.steer(1.0, along((0.0, 0.0, 0.0), 0.0, 0.0, 0.3))
-    arm.steer(1.0, sideways)
+    arm.run(1.0, along((0.0, 0.0, 0.0), 0.0, 0.0, 0.3))
+    arm.run(1.0, sideways)
     _, R = arm.model.tip(arm.q)
-    arm.steer(4.0, sideways)
+    arm.run(4.0, sideways)
     assert arm.turned(R) < np.radians(0.5)

@@ -1,14 +1,14 @@
 """`redres check`: what it says of graphs in which something is missing."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from programs import run_python
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -187,14 +187,7 @@ def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
     assert beyond('joints', seen).text == 'all 7'
 
 
-def check(*options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'redres_ros.cli', 'check', *options],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+check = partial(run_python, '-m', 'redres_ros.cli', 'check')
 
 
 @pytest.mark.slow

@@ -103,8 +103,8 @@ class Scene:
             self.steer()
             if tick % EVERY == EVERY - 1:
                 loop = self.loop
-                told = self.refused + bool(loop.error) + bool(loop.warning)
-                counts = (list(Mode).index(loop.mode), told, loop.responses, loop.skipped)
+                reported = self.refused + bool(loop.error) + bool(loop.warning)
+                counts = (list(Mode).index(loop.mode), reported, loop.responses, loop.skipped)
                 rows.append([*counts, *self.reference])
         return rows
 

@@ -197,12 +197,6 @@ def test_a_tip_that_is_pushed_off_its_path_in_motion_goes_back_to_it() -> None:
     assert arm.run.start_stamp == start
 
 
-def test_a_scaling_of_zero_for_a_moment_is_no_interruption() -> None:
-    arm = under_way()
-    arm.go(20, 0.0)
-    assert arm.run.state is TaskState.MOVING
-
-
 def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
     arm = under_way()
     arm.run.mode = 'moving'

@@ -2,11 +2,11 @@
 
 import os
 import subprocess
-import sys
 
 import pytest
 from imports import PACKAGE, ROS
 from nightly import by_day
+from programs import run_python
 
 import redres_ros
 
@@ -35,14 +35,7 @@ def run_blocked(
     """A program that cannot import these libraries, a regular expression."""
     paths = filter(None, (str(PACKAGE.parent), os.environ.get('PYTHONPATH')))
     environment = os.environ | {'PYTHONPATH': os.pathsep.join(paths)}
-    return subprocess.run(
-        [sys.executable, '-c', BLOCK + code, libraries, *arguments],
-        env=environment,
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    return run_python('-c', BLOCK + code, libraries, *arguments, env=environment)
 
 
 def test_a_pinocchio_that_is_too_old_is_named_in_one_line():

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_command_loop import GENTLE, START, T
+from test_command_loop import GENTLE, JOINT_LIMITS, START, Robot, T
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
@@ -16,25 +16,22 @@ from redres_ros.loop.modes import Mode
 
 pytestmark = pytest.mark.slow
 
-EPOCH = 1_700_000_000 * 10**9  # [ns]
 MODEL = RobotModel.named('lwr4_paper')
-LIMITS = ('position', 'velocity', 'acceleration')
 NOTHING = np.zeros(3)
 PUSH = np.array((0.0, 10.0, 0.0))  # [N] in the base frame
 Force = Callable[[np.ndarray], np.ndarray]  # of q, (3,) [N]
 FREE = AdmittanceSettings(enabled=True, damping=(200.0,) * 3)
 
 
-class LoopedArm:
-    """An ideal arm behind a command loop; a force sensor at its tip, torques from outside."""
+class LoopedArm(Robot):
+    """With a force sensor at its tip, and torques from outside."""
 
     def __init__(
         self, controller: Controller, q: np.ndarray, contact: ContactControl | None = None
     ) -> None:
         self.loop = CommandLoop(controller, contact=contact)
+        super().__init__(self.loop, q)
         self.model = controller.model
-        self.q = q
-        self.tick = 0
 
     def run(
         self,
@@ -47,9 +44,8 @@ class LoopedArm:
         depend on q, or with a silent sensor; with a task velocity (3,) [m/s], and with torques
         (n,) [Nm].
         """
-        references = []
+        begin = len(self.references)
         for _ in range(round(seconds / T)):
-            self.tick += 1
             if force is not None:
                 R = self.model.tip(self.q)[1]
                 on_tip = force(self.q) if callable(force) else force
@@ -58,13 +54,9 @@ class LoopedArm:
             if torques is not None:
                 self.loop.measurements.enter('external_torques', 0, torques)
             if dx is not None:
-                self.loop.enter_velocity(0, dx, self.tick * T)
-            stamp = EPOCH + round(self.tick * T * 1e9)
-            response = self.loop.step(stamp, self.q, self.tick * T)
-            assert response is not None
-            self.q = response.command.q_ref
-            references.append(self.q)
-        return np.array(references)
+                self.loop.enter_velocity(0, dx, self.now + T)
+            assert self.ask() is not None
+        return np.array(self.references[begin:])
 
     def holds(self, force: np.ndarray) -> bool:
         """Whether it stays where it is under a force."""
@@ -77,7 +69,7 @@ class PushedArm(LoopedArm):
 
     def __init__(self, settings: AdmittanceSettings) -> None:
         law = make_law('minimum_acceleration', damping=10.0)
-        controller = Controller(MODEL, law, T, switch_time=0.1, limits=LIMITS)
+        controller = Controller(MODEL, law, T, switch_time=0.1, limits=JOINT_LIMITS)
         super().__init__(controller, START, ContactControl(settings, T, switch_time=0.1))
         self.run(0.1, NOTHING)
         self.x0 = MODEL.tip(self.q)[0]
