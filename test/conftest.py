@@ -107,7 +107,6 @@ def model() -> RobotModel:
 
 @pytest.fixture(scope='session')
 def task() -> WaypointTask:
-    """The paper's task."""
     return load_task('rectangle')
 
 

@@ -41,7 +41,6 @@ IN_LOCKSTEP = ('--lockstep', '--period', f'{PERIOD:g}')
 
 
 def command(out: Path) -> list[str]:
-    """The command line of a demo."""
     return [sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(out)]
 
 
@@ -53,18 +52,15 @@ def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def motion(out: Path) -> np.ndarray:
-    """The rows of motion.csv."""
     return np.loadtxt(out / 'motion.csv', delimiter=',', skiprows=1)
 
 
 def summary(out: Path) -> dict[str, Any]:
-    """The figures of summary.json."""
     figures: dict[str, Any] = json.loads((out / 'summary.json').read_text())
     return figures
 
 
 def column(rows: np.ndarray, name: str) -> np.ndarray:
-    """One column of motion.csv."""
     return rows[:, columns(7).index(name)]
 
 

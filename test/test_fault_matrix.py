@@ -129,7 +129,6 @@ class Scene:
         return bool(self.run.nodes['sim']._session.reason)
 
     def said(self, words: str) -> bool:
-        """Whether some node's log has these words."""
         return any(words in line for _, line in self.run.graph.log)
 
     def suffer(self, channel: Channel, fault: Fault) -> None:

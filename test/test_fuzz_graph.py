@@ -58,7 +58,6 @@ class Thrower:
         }
 
     def throw(self) -> None:
-        """One of them."""
         kind = self._chance.choice(list(self._throws))
         self.thrown[str(kind)] += 1
         self._throws[str(kind)]()

@@ -57,7 +57,6 @@ def stand_in() -> dict[str, ModuleType]:
 
 @pytest.fixture
 def launch_file(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The launch file as a module."""
     for name, module in stand_in().items():
         monkeypatch.setitem(sys.modules, name, module)
     spec = importlib.util.spec_from_file_location('redres_launch', FILE)

@@ -296,6 +296,18 @@ def test_the_tip_is_at_each_pose_of_a_path_at_its_time_and_at_rest_at_the_end(sq
     assert column(references, 'finished').tolist() == [False] * 5 + [True]
 
 
+def test_velocity_and_acceleration_of_a_path_are_continuous_at_its_poses(square):
+    path = policy(np.array((0.0, 0.1, 0.14, 0.3, 0.4)))
+    follower = resting(square, path)
+    follower.set_path(path)
+    h = 1e-5
+    around = [each + k * h for each in path.times[1:] for k in (-2, -1, 0, 1, 2)]
+    dx = column(ideally(follower, np.array(around)), 'dx').reshape(4, 5, 6)
+    accelerations = np.diff(dx, axis=1) / h
+    # They change by the jerk times h: 60 / (0.04 s)^3 times some 4 mm, and as much of the turns
+    assert np.abs(np.diff(accelerations, axis=1)).max() < 0.1
+
+
 @pytest.mark.parametrize('rate', [10.0, 25.0, 60.0])
 @pytest.mark.parametrize('noise', [0.0, 0.005])  # [m] between a piece and the next
 def test_overlapping_pieces_of_a_path_make_no_step_of_position_or_velocity(square, rate, noise):

@@ -43,7 +43,6 @@ class Client:
         self.advance()
 
     def advance(self) -> None:
-        """A cycle."""
         self.connection.advance()
         self.states.append(self.session.state)
 
