@@ -106,6 +106,8 @@ class HeldReference:
         if largest(q - self._stood) > _STILL:
             self._stood = q
             self._still = 0.0
+        if self._still < _REST <= self._still + seconds:
+            self._stood = q  # where it has come to rest
         self._still += seconds
 
     def catch_up(self, q: JointPositions) -> JointVelocities:
