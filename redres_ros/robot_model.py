@@ -203,6 +203,8 @@ class RobotModel:
         self.q_max: JointPositions = self._model.upperPositionLimit.copy()
         self.dq_max: JointVelocities = self._model.velocityLimit.copy()
         self.tau_max: JointTorques = self._model.effortLimit.copy()
+        for limit in (self.q_min, self.q_max, self.dq_max, self.tau_max):
+            limit.setflags(write=False)  # all controllers of this arm share it
         offsets = reversed(self.kinematics.offsets)
         self.reach: Meters = float(sum(map(np.linalg.norm, offsets)))  # of the arm in one line
 

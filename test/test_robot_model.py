@@ -197,6 +197,12 @@ def models(tmp_path: Path) -> list[RobotModel]:
     return made
 
 
+def test_the_limits_of_a_model_cannot_be_changed_by_what_is_done_to_them(model):
+    for limit in (model.q_min, model.q_max, model.dq_max, model.tau_max):
+        with pytest.raises(ValueError, match='read-only'):
+            limit[:] = 9.0
+
+
 @EVERY_COPY
 def test_a_copy_of_a_model_is_the_same_arm(copied: Callable, tmp_path: Path) -> None:
     for model in models(tmp_path):

@@ -39,7 +39,9 @@ class BrakingLimit(Limit):
         super().__post_init__()
         given = self.acceleration or self.model.arm.acceleration_limit
         _check_positive('acceleration', 'rad/s^2', given, self)
-        object.__setattr__(self, 'A', self.scale * np.array(given))
+        A = self.scale * np.array(given)
+        A.setflags(write=False)
+        object.__setattr__(self, 'A', A)
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,6 +149,7 @@ class Limits:
             if isinstance(limit, AccelerationLimit):
                 self.acceleration = limit.A / limit.scale
                 self.allowed_acceleration = limit.A
+                self.acceleration.setflags(write=False)
                 self.braking_limit = limit if limit.reach > 0.0 else None
             if isinstance(limit, JerkLimit):
                 self.jerk = self._joints['J'].copy()
