@@ -531,9 +531,12 @@ def test_velocities_that_a_limit_scales_to_nothing_are_reported_with_it() -> Non
     robot = limited()
     robot.q = RobotModel.named('lwr4_paper').q_max - 0.1
     dq = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.8))
-    for _ in range(round(6.0 / T)):
-        robot.ask()
-        robot.take(robot.following.enter_velocity(0, dq, robot.now, of_joints=True))
+    for seconds in (3.0, 3.0):
+        for _ in range(round(0.5 / T)):  # a pause is no progress
+            robot.ask()
+        for _ in range(round(seconds / T)):
+            robot.ask()
+            robot.take(robot.following.enter_velocity(0, dq, robot.now, of_joints=True))
     assert 'no progress for 5 s: lwr_a6_joint: position' in robot.following.warning
 
 

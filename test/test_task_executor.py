@@ -249,6 +249,15 @@ def test_a_stream_of_targets_to_an_arm_at_a_limit_is_reported_as_without_progres
     assert arm.run.remark == ''
 
 
+def test_a_stream_of_targets_to_a_tip_that_a_singularity_keeps_is_reported_as_without_progress():
+    arm = Arm()
+    for _ in range(560):
+        arm.run.begin(GOALS.target(HOME + np.array((0.0, 0.1, 0.0)), np.eye(3)))
+        arm.go(8)
+        arm.x = HOME  # what is executed is of other directions
+    assert 'no progress for 5 s' in arm.run.remark
+
+
 @pytest.mark.parametrize(
     ('times', 'size', 'words'),
     [

@@ -181,11 +181,7 @@ def _linearise(
 
 @part
 def _merit(
-    q: np.ndarray,
-    v: np.ndarray,
-    nodes: np.ndarray,
-    e: np.ndarray,
-    problem: _Problem,
+    q: np.ndarray, v: np.ndarray, nodes: np.ndarray, e: np.ndarray, problem: _Problem
 ) -> float:
     """The cost of nodes after a first step at the velocity v."""
     T, h, damping, lower, upper = problem
@@ -559,11 +555,7 @@ def plan_motion(
 
 
 @direct
-@compiled(
-    void(
-        *(vector(), several(_MATRIX, _ARRAY), float64, vector(), vector(), _CHAIN, _MATRIX),
-    )
-)
+@compiled(void(*(vector(), several(_MATRIX, _ARRAY), float64, vector(), vector(), _CHAIN, _MATRIX)))
 def improve_motion(
     q: np.ndarray,
     path: tuple[np.ndarray, np.ndarray],

@@ -37,6 +37,7 @@ _ROUNDING = 1e-9  # [m/s], [rad/s] of a planner that holds its target
 # that comes so shortly after a response was sent was published before that arrived.
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
 _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
+_PAUSE = 2.0  # [s] of no motion, after which progress is judged anew
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
 
 
@@ -89,6 +90,7 @@ class CommandLoop:
         self.safety_filter = SafetyFilter(controller)
         self._progress = ProgressMonitor()
         self._executed = 0.0  # of the velocity, in seconds at its full speed
+        self._watched = 0.0  # when that was [s]
         self._pose_hold = PoseHold(controller)
         self._held_reference = HeldReference(controller)
         self.mode = Mode.HOLDING
@@ -136,7 +138,8 @@ class CommandLoop:
         """The irregularity at the last state; empty if there was none."""
         if self.safety_filter.reason:
             return f'the safety filter acts: {self.safety_filter.reason}'
-        return self._silence or self.measurements.problem or self._progress.remark
+        remark = self._progress.remark if self.mode is Mode.MOVING else ''
+        return self._silence or self.measurements.problem or remark
 
     def hold(self, held: bool) -> None:
         """Decelerate to rest and hold, or resume, which clears a fault."""
@@ -439,7 +442,8 @@ class CommandLoop:
     def _begin_mode(self, state: _State, before: Mode) -> None:
         controller = self._controller
         self.faults.begin()
-        self._progress.begin()
+        if self.mode is Mode.MOVING and state.arrived - self._watched > _PAUSE:
+            self._progress.begin()
         if self.mode is not Mode.STOPPING:
             self._approach = None
         if before is Mode.INACTIVE or controller.published is None:
@@ -474,6 +478,7 @@ class CommandLoop:
             executed = scale * executed
         square = asked.dot(asked)
         if square > _ROUNDING**2:
+            self._watched = self._cycles.arrived
             T = self._controller.T
             self._executed += T * max(asked.dot(executed) / square, 0.0)
             self._progress.active_limits = command.active_limit or str

@@ -190,7 +190,8 @@ class ProgressMonitor:
     give_up_after = 30.0  # [s]
 
     def __init__(self) -> None:
-        self._t = 0.0  # of the path, at the last progress or beginning
+        self._t = 0.0  # of the path, where it last began anew
+        self._tip = np.zeros(1)
         self.begin()
 
     def begin(self) -> None:
@@ -201,11 +202,16 @@ class ProgressMonitor:
         self._error = 0.0
         self.active_limits: Callable[[], str] = str  # that acted last, in words
 
-    def redirect(self, t: Seconds, *, is_reached: bool) -> None:
-        """Begin anew at a time t of the path, which leads elsewhere, if it goes on or ends here."""
-        if is_reached or abs(t - self._t) > _STEP:
+    def redirect(self, t: Seconds, left: Seconds, tip: np.ndarray, *, is_reached: bool) -> None:
+        """Lead elsewhere, at a time t of the path, with the time that is left of the new one. It
+        begins anew if it ends here, or has gone on, and the tip (in metres) has come along.
+        """
+        has_moved = np.linalg.norm(tip - self._tip) > (1.0 - _FRACTION) * self._error
+        if is_reached or (abs(t - self._t) > _STEP and has_moved):
             self._t = t
+            self._tip = tip
             self.begin()
+        self._left = left
 
     def enter(
         self, seconds: Seconds, segment: int, left: Seconds, error: float, distance: str = ''

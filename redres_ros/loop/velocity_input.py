@@ -98,11 +98,7 @@ class _TwistBuffer:
     """
 
     def __init__(
-        self,
-        rows: int,
-        T: Seconds,
-        lag: Cycles,
-        accelerations: JointAccelerations | None = None,
+        self, rows: int, T: Seconds, lag: Cycles, accelerations: JointAccelerations | None = None
     ) -> None:
         self.missing = 0
         self.late = 0

@@ -178,11 +178,8 @@ class Planner:
         positions = start + s[:, None] * (self._points[segments + 1] - start)
         if self._turns is None:
             return Preview(times, positions)
-        rotations = []
-        for k, j in enumerate(segments):
-            A = self._turns[j]
-            turn = rotation_error(A, self._turns[j + 1])
-            rotations.append(rotation_matrix(s[k] * turn).dot(A))
+        ends = zip(self._turns[segments], self._turns[segments + 1], s, strict=True)
+        rotations = [rotation_matrix(c * rotation_error(A, B)).dot(A) for A, B, c in ends]
         return Preview(times, positions, np.array(rotations))
 
     def time_left(self, t: Seconds) -> Seconds:

@@ -26,6 +26,7 @@ from redres_ros.types import (
 )
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
+_ELEMENT = 0.07  # [m] of those of a rotation matrix, so that 1 rad counts as 0.1 m
 _SET_BACK = 1.0  # [s] by which a robot's clock may be set back in motion
 
 
@@ -327,7 +328,9 @@ class TaskExecutor:
         execution.goal = goal
         is_reached = follower.is_reached(arm.x, arm.R if self._turns else None)
         self.state = TaskState.FINISHED if is_reached else TaskState.MOVING
-        self.monitor.redirect(self.clock.t, is_reached=is_reached)
+        t = self.clock.t
+        tip = np.append(arm.x, _ELEMENT * arm.R) if self._turns else arm.x
+        self.monitor.redirect(t, follower.time_left(t), tip, is_reached=is_reached)
         return True
 
     def _end_after(self, silence: Seconds) -> None:
