@@ -117,6 +117,14 @@ def test_goals_for_a_robot_that_has_stopped_are_refused_and_never_executed(run: 
     assert_nothing_moves(run)
 
 
+def test_the_task_is_not_said_to_run_while_a_target_is_under_way(run: VirtualRun) -> None:
+    send_target(run)
+    run.run(0.5)
+    response = run.graph.call('planner/start')
+    assert not response.success
+    assert 'on its way to a pose; planner/stop ends that' in response.message
+
+
 def test_a_target_out_of_reach_is_refused_with_the_bound(run: VirtualRun) -> None:
     send_target(run, offset=np.array((0.0, 50.0, 0.0)))
     run.run(0.1)

@@ -324,7 +324,7 @@ def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:
     after = dq(arm.tick(1.0))
     assert np.abs(after - before).max() < 2.0 * T  # twice what A = 1 rad/s^2 allows in a cycle
     arm.go(200, 0.0)
-    assert arm.run.is_running  # it has begun, and waits to go on
+    assert arm.run.running  # it has begun, and waits to go on
     go_home(arm)
     assert arm.run.state is TaskState.MOVING
 

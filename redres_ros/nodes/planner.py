@@ -234,8 +234,10 @@ class PlannerNode(ManagedNode):
 
     def _start_task(self) -> str:
         """Begin the task, with the first state if none has come yet; returns what will happen."""
-        if self._run.is_running:
-            return 'is running already; planner/stop ends it'
+        if running := self._run.running:
+            if running.goes_on:
+                return 'is running already; planner/stop ends it'
+            raise GoalError('the tip is on its way to a pose; planner/stop ends that')
         self._begin_goal(self._goals.task())
         home = '' if self._q is None else self._announced_home(self._q)
         duration = self._task.segments * self._task.segment_time  # [s]
@@ -244,8 +246,8 @@ class PlannerNode(ManagedNode):
     def _go_home(self) -> str:
         """Move the joints to the start of the task; returns what will happen."""
         q = self._measured()
-        if self._run.is_running:
-            raise GoalError('a task is running; planner/stop ends it')
+        if self._run.running:
+            raise GoalError('the tip is on its way; planner/stop ends that')
         self._begin_goal(self._goals.home())
         return self._announced_home(q).removesuffix('; ') or 'the joints are at its start already'
 

@@ -207,11 +207,13 @@ class TaskExecutor:
         return self._ending or self.monitor.remark
 
     @property
-    def is_running(self) -> bool:
-        """Whether the tip moves along its path, or a goal that has begun waits to go on."""
-        has_begun = self._execution is not None and self._execution.has_begun
-        is_paused = has_begun and self.state is TaskState.WAITING
-        return is_paused or self.state is TaskState.MOVING
+    def running(self) -> Goal | None:
+        """The goal that leads the tip along its path, or has begun and waits to go on."""
+        execution = self._execution
+        if execution is None:
+            return None
+        is_paused = execution.has_begun and self.state is TaskState.WAITING
+        return execution.goal if is_paused or self.state is TaskState.MOVING else None
 
     # --- what is done in a state, and its transitions ---------------------------------------------
 
