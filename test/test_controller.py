@@ -277,6 +277,14 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
         assert controller.update(np.zeros(7), np.zeros(3)).dq == pytest.approx(1.0 - s, abs=1e-9)
 
 
+def test_asking_for_the_law_in_force_changes_nothing(underway):
+    drive = underway('minimum_acceleration', 4.5)
+    asked = drive.copy()
+    asked.controller.switch_law(make_law('minimum_acceleration'))
+    for command, expected in zip(asked.run(0.1), drive.run(0.1), strict=True):
+        assert (command.dq == expected.dq).all()
+
+
 def test_of_many_switches_the_last_one_wins(underway):
     drive = underway('minimum_velocity', 1.5)
     random = np.random.default_rng(0)

@@ -45,7 +45,6 @@ def command(out: Path) -> list[str]:
 
 
 def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """A run to its end."""
     return subprocess.run(
         [*command(out), *arguments], text=True, timeout=180.0, capture_output=True, check=False
     )

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.slow
 
 
 def run(name: str, *arguments: str) -> str:
-    """What the script prints."""
     done = run_python(EXAMPLES / f'{name}.py', *arguments, cwd=EXAMPLES.parent)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -250,19 +250,6 @@ def test_a_point_out_of_reach_keeps_a_task_for_a_moment_and_not_for_ever(tmp_pat
         assert state(made) is TaskState.FINISHED
 
 
-def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
-    run.graph.kept['planner/progress'] = []
-    run.graph.listen('planner/progress', 'test', lambda message: None)
-    run.run(0.3)
-    assert run.graph.call('planner/start').success
-    assert run.run_until(lambda: state(run) is TaskState.FINISHED, 20.0)
-    run.run(0.1)
-    fractions = np.array([message.data for _, message in run.graph.kept['planner/progress']])
-    assert fractions[0] == pytest.approx(0.0, abs=0.01)
-    assert (np.diff(fractions) >= 0.0).all()
-    assert fractions[-1] == 1.0
-
-
 FR3 = RobotModel.named('fr3')
 STREAM = 1800.0 if NIGHTLY else 15.0  # [s] of virtual time
 

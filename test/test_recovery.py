@@ -57,7 +57,6 @@ class Graph(NamedTuple):
         self.processes[name].wait(PATIENCE)
 
     def await_going_on(self) -> None:
-        """Wait until the arm moves in command mode again."""
         observer = self.observer
         await_that(lambda: observer.commanding and observer.speed > 0.02, 'motion in command mode')
 

@@ -48,7 +48,6 @@ class Publisher:
 
     @property
     def rules(self) -> set[str]:
-        """Those that were broken."""
         return {violation.rule for violation in self.judge.violations}
 
 

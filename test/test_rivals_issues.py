@@ -6,21 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from test_command_loop import JOINT_LIMITS, Robot, T
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.robots import ARMS
 
-T = 0.002  # [s]
-BOX = ('position', 'velocity', 'acceleration')
-ROUNDING = 1e-9  # of a limit
 # tick, tip position (3,) [m] -> task velocity (3,) [m/s]
 Source = Callable[[int, np.ndarray], np.ndarray]
 
 
 def follow(
-    arm: str, q: np.ndarray, source: Source, ticks: int, law='minimum_velocity', limits=BOX
+    arm: str, q: np.ndarray, source: Source, ticks: int, law='minimum_velocity', limits=JOINT_LIMITS
 ) -> list[Command]:
     model = RobotModel.named(arm)
     controller = Controller(model, law, T, limits=limits)
@@ -89,7 +87,7 @@ def test_pink_59_a_path_by_a_singularity_is_finished_though_velocity_limits_act(
     task = load_task('rectangle')
     model = RobotModel.named(task.robot)
     law = make_law('minimum_velocity')
-    recording = run(Controller(model, law, 0.01, limits=BOX), task)
+    recording = run(Controller(model, law, 0.01, limits=JOINT_LIMITS), task)
     assert recording.ending.startswith('reached the last point')
     assert recording['task_scaling'].min() < 1.0
 
@@ -101,7 +99,9 @@ def test_isaaclab_7862_no_pose_ends_with_joints_pinned_at_their_ends() -> None:
     period = 0.004  # [s]
     for _ in range(16):
         x_d, R_d = model.tip(start_of('fr3') + random.uniform(-0.5, 0.5, model.n))
-        controller = Controller(model, 'minimum_acceleration', period, task='pose', limits=BOX)
+        controller = Controller(
+            model, 'minimum_acceleration', period, task='pose', limits=JOINT_LIMITS
+        )
         q = start_of('fr3')
         for _ in range(750):
             x, R = model.tip(q)
@@ -127,20 +127,16 @@ def speeds_of(sent: Callable[[int], bool], arrives: Callable[[int], bool]) -> np
     The robot's state arrives in some of them, too.
     """
     model = RobotModel.named('iiwa7')
-    loop = CommandLoop(Controller(model, 'minimum_velocity', T, limits=BOX))
-    q = start_of('iiwa7')
-    speeds = []
+    loop = CommandLoop(Controller(model, 'minimum_velocity', T, limits=JOINT_LIMITS))
+    robot = Robot(loop, start_of('iiwa7'))
+    commands = []
     for cycle in range(1, 1000):
-        stamp = 10**18 + round(cycle * T * 1e9)
-        responses = [loop.step(stamp, q, cycle * T)] if arrives(cycle) else []
+        responses = [robot.ask()] if arrives(cycle) else []
+        robot.cycle = cycle
         if sent(cycle):
-            responses.append(
-                loop.enter_velocity(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4)
-            )
-        for response in filter(None, responses):
-            q = response.command.q_ref
-            speeds.append(float(np.linalg.norm(response.command.J @ response.command.dq)))
-    return np.array(speeds)
+            responses.append(robot.steer(np.array((0.0, 0.1, 0.0))))
+        commands += [response.command for response in responses if response]
+    return np.array([np.linalg.norm(command.J @ command.dq) for command in commands])
 
 
 @pytest.mark.parametrize(
