@@ -12,7 +12,7 @@ from redres_ros.command import ROBOT_INTERFACES, Command, Published, RobotInterf
 from redres_ros.errors import ArrayError, DivergedError, RangeError, RedresError, quoted
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
-from redres_ros.parameter import Parameter, check_value
+from redres_ros.parameter import Parameter, check_kind, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Hold, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.preview import Ahead, Preview
@@ -177,6 +177,7 @@ class Controller:
 
         Raises RedresError for one that does not fit the arm or T; the one in force then stays.
         """
+        check_kind('policy', policy, Policy, 'a Policy, as make_policy() makes them')
         policy.check(self.model, self.T)
         kept = {}  # what has its targets keeps them
         for name in ('preferences', 'secondary_tasks'):
@@ -363,7 +364,7 @@ class Controller:
             at = q.copy()  # the command's state keeps it
         known = None
         if ahead is not None:
-            _check_kind('ahead', ahead, Preview)
+            check_kind('ahead', ahead, Preview, 'a Preview or None')
             path = ahead.of_rows(self.m)
             if path and ahead.times[-1] > 0.0 and self.m == self.policy.path_rows:
                 known = Ahead(path, (missed + 1) * self.T, base.plan)
@@ -432,14 +433,9 @@ class Controller:
 
 def _checked(correction: Correction, m: int) -> Correction:
     """The same with arrays of float64. Raises ArrayError for those of another task, or NaN."""
-    _check_kind('correction', correction, Correction)
+    check_kind('correction', correction, Correction, 'a Correction or None')
     is_held = np.asarray(correction.is_held)
     if is_held.dtype != bool or is_held.shape != (m,):
         raise ArrayError(f'is_held of a correction is {quoted(is_held)}; expected {m} bools')
     velocity = finite_vector(correction.velocity, m, 'velocity of a correction')
     return Correction(velocity, is_held, finite_vector(correction.away, m, 'away of a correction'))
-
-
-def _check_kind(name: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise ArrayError(f'{name} is {quoted(value)}; expected a {kind.__name__} or None')

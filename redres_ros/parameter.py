@@ -10,7 +10,7 @@ from numbers import Real
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from redres_ros.errors import RangeError, RepeatedNameError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, RepeatedNameError, UnknownNameError, quoted
 from redres_ros.files.plugins import installed, register
 
 T = TypeVar('T')
@@ -163,7 +163,7 @@ class Table(dict[str, type[T]]):
         self, entries: str | Iterable[str | T], gains: Mapping[str, Any] = _NO_GAINS
     ) -> tuple[T, ...]:
         """What entries stand for, or a single one. Raises as make(), and RepeatedNameError."""
-        given = as_tuple(entries)
+        given = as_tuple(f'{self.kind}s', entries)
         check_once(self.kind, given)
         return tuple(self.resolve(entry, gains) for entry in given)
 
@@ -185,9 +185,16 @@ class Table(dict[str, type[T]]):
         return dict.fromkeys(gain.key for gain in self.gains())
 
 
-def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
+def as_tuple(name: str, entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
     """Entries given by name or as objects; a single text is one name."""
+    check_kind(name, entries, Iterable, 'a list of names or objects; () for none')
     return (entries,) if isinstance(entries, str) else tuple(entries)
+
+
+def check_kind(name: str, value: object, kind: type, expected: str) -> None:
+    """Raise ArrayError for a value of another kind than expected."""
+    if not isinstance(value, kind):
+        raise ArrayError(f'{name} is {quoted(value)}; expected {expected}')
 
 
 def check_once(kind: str, entries: Iterable[object]) -> None:

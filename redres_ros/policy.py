@@ -13,7 +13,7 @@ import numpy as np
 from redres_ros.errors import RedresError
 from redres_ros.geometry import quintic
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Parameter, as_tuple, check_value
+from redres_ros.parameter import Parameter, as_tuple, check_kind, check_value
 from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolution import (
     Level,
@@ -369,12 +369,13 @@ def make_policy(
 
     Raises RedresError for a value out of range, an unknown or repeated name, and what does not fit.
     """
+    check_kind('gains', gains, Mapping, 'a mapping from their keys')
     policy = Policy(
         LAWS.resolve(law, gains),
         TASKS.resolve(task),
         PREFERENCES.resolve_all(preferences, gains),
         TASKS.resolve_all(secondary_tasks, gains),
-        _limits(as_tuple(limits), model, gains, limit_scale, torque_scale),
+        _limits(as_tuple('limits', limits), model, gains, limit_scale, torque_scale),
         scaling,
     )
     policy.check(model)

@@ -126,6 +126,7 @@ def test_an_arm_from_a_urdf_travels_as_text(tmp_path):
         ({'task': 'near_singlar'}, 'is near_singular meant.*, random, '),
         ({'seed': -1}, 'seed is -1'),
         ({'gains': {'dampnig': 1.0}}, 'dampnig'),
+        ({'limits': 5}, 'limits is 5; expected a list'),
     ],
 )
 def test_a_wrong_case_is_refused_before_any_other_runs(fields, words, monkeypatch):

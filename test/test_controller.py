@@ -165,6 +165,9 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
         ({'switch_time': -0.1}, 'switch_time is -0.1; allowed: 0 to 60'),
         ({'integrate_from': 'hope'}, "unknown integrate_from 'hope'; allowed: command, measure"),
         ({'robot_interface': 'tcp'}, "unknown robot_interface 'tcp'"),
+        ({'limits': None}, 'limits is None; expected a list'),
+        ({'preferences': 5}, 'preferences is 5; expected a list'),
+        ({'limit_gains': None}, 'gains is None; expected a mapping'),
         ({'T': 0.0025}, r'damping is 401\.0; allowed: 0 to 400 .*1/T'),
     ],
 )
@@ -312,6 +315,11 @@ def test_what_a_tick_cannot_use_is_refused_by_name(model, task, name, given):
     with pytest.raises(RangeError if name == 'missed' else ArrayError, match=name):
         controller.update(first.q_ref, DX, **{name: given})
     assert np.isfinite(controller.update(first.q_ref, DX).q_ref).all()
+
+
+def test_what_is_no_policy_is_refused(model):
+    with pytest.raises(ArrayError, match='policy is None; expected a Policy'):
+        controller_of(model).set_policy(None)
 
 
 @pytest.mark.filterwarnings('error')

@@ -59,7 +59,7 @@ class Case(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ('limits', 'preferences', 'secondary_tasks'):
-            object.__setattr__(self, name, as_tuple(getattr(self, name)))
+            object.__setattr__(self, name, as_tuple(name, getattr(self, name)))
 
 
 @dataclass(frozen=True)
