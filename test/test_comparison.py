@@ -21,7 +21,7 @@ from redres_ros.simulation.batch import in_parallel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.optimum import best_motion
 from redres_ros.simulation.recording import Effort, Recording, columns
-from redres_ros.simulation.report import comparison_tables, print_tables
+from redres_ros.simulation.report import comparison_tables, label, print_tables
 
 TASK = replace(load_task('rectangle'), waypoints=load_task('rectangle').waypoints[:2])
 
@@ -124,6 +124,11 @@ def test_the_best_motion_keeps_path_and_ranges_and_is_better_than_any_law():
     assert effort < 0.95 * Effort.of(recording, model).squared_acceleration
     assert best_motion(model, replace(task, switching='within_tolerance'), [recording]) is None
     assert best_motion(model, task, []) is None
+
+
+def test_the_label_of_a_law_names_every_gain_that_is_not_its_default():
+    law = make_law('minimum_torque', gravity=0.5)
+    assert label(law) == 'minimum_torque, gravity 0.5, k_d = 10 1/s'
 
 
 @pytest.mark.slow

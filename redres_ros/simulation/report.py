@@ -11,9 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from redres_ros.laws import Law, law_name
+from redres_ros.parameter import parameters
 from redres_ros.simulation.recording import Effort, Recording
 
 _SMALL_GAIN = 0.02  # of the first law's figure; the share of a smaller gain is noise
+_OF_LABEL = ('damping', 'horizon')  # gains that it names in its own way
 _WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
 
 _PEAKS = {  # norms, also figures of Effort, and their heads
@@ -83,11 +85,12 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 def label(law: Law) -> str:
     """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
-    if not law.has_memory:
-        return law_name(law)
     ahead = f', {law.horizon:g} s ahead' if law.horizon else ''
-    damping = repr(float(law.damping)).removesuffix('.0')
-    return f'{law_name(law)}{ahead}, k_d = {damping} 1/s'
+    gains = {f.name: getattr(law, f.name) for f in parameters(law) if f.name not in _OF_LABEL}
+    own = [name for name in gains if gains[name] != getattr(type(law), name)]
+    others = [f', {name} {gains[name]}'.removesuffix('.0') for name in own]
+    damping = f', k_d = {law.damping}'.removesuffix('.0') + ' 1/s'
+    return ''.join((law_name(law), ahead, *others, damping if law.has_memory else ''))
 
 
 def peak_table(name: str, recording: Recording) -> Table:
