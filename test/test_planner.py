@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, Preview, WaypointTask
+from redres_ros.errors import ArrayError
 from redres_ros.geometry import quintic
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning import planner as planner_module
-from redres_ros.planning.planner import Reference, TargetFollower
+from redres_ros.planning.planner import Reference, TargetFollower, source_of
 
 T = 0.001  # [s]
 EYE = np.eye(3)
@@ -380,3 +381,15 @@ def test_a_path_turns_by_more_than_a_full_turn_at_its_own_speed(square):
     follower.set_path(Preview(times, np.tile(square.waypoints[0], (50, 1)), R))
     dx = column(ideally(follower, np.arange(0.3, 4.7, 0.01)), 'dx')
     assert dx[:, 3:] == pytest.approx(np.tile((0.0, 1.2, 1.6), (len(dx), 1)), abs=1e-6)
+
+
+@pytest.mark.parametrize('shape', [(0, 3), (1, 3), (4, 2), (4, 3, 3)])
+def test_a_task_of_too_few_points_or_no_rotations_is_refused_by_name(square, shape):
+    name = 'orientations' if len(shape) == 3 else 'waypoints'
+    with pytest.raises(ArrayError, match=f'{name} of a task are .* expected'):
+        replace(square, **{name: np.zeros(shape)})
+
+
+def test_a_task_takes_lists_as_arrays(square):
+    task = replace(square, times=[0.0, 0.1, 0.2, 0.3], orientations=[EYE.tolist()] * 4)
+    assert (source_of(task, None, None).reference(np.zeros(3), 0.3, EYE).R_d == EYE).all()

@@ -70,9 +70,24 @@ class WaypointTask(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        try:
+            points = _numbers(self.waypoints, (3,), _FARTHEST, 2)
+        except (TypeError, ValueError, OverflowError):
+            got = quoted(self.waypoints)
+            raise ArrayError(f'waypoints of a task are {got}; expected {_POINTS}') from None
+        times = np.arange(len(points)) if self.times is None else self.times
+        path = Preview(times, points, self.orientations)
+        turns = path.rotations.reshape(-1, 3, 3)
+        is_orthonormal = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)) < 1e-3
+        if not (is_orthonormal.all() and (np.linalg.det(turns) > 0.0).all()):
+            raise ArrayError(f'orientations of a task are {quoted(turns)}; expected rotations')
+        object.__setattr__(self, 'waypoints', points)
+        if self.orientations is not None:
+            object.__setattr__(self, 'orientations', turns)
         if self.times is not None:
-            times = Preview(self.times, self.waypoints, self.orientations).times
-            object.__setattr__(self, 'segment_time', float(times[-1] - times[0]) / self.segments)
+            object.__setattr__(self, 'times', path.times)
+            mean = float(path.times[-1] - path.times[0]) / self.segments
+            object.__setattr__(self, 'segment_time', mean)
 
     @property
     def segments(self) -> int:
@@ -214,10 +229,11 @@ def _number(value: Any) -> float:
     return float(value)  # YAML 1.1 takes 1e-3, which has no dot, for a text
 
 
-def _numbers(value: Any, row: tuple[int, ...], largest: float) -> np.ndarray:
-    """Numbers, or rows of a shape."""
+def _numbers(value: Any, row: tuple[int, ...], largest: float, count: int = 0) -> np.ndarray:
+    """Numbers, or rows of a shape, and at least so many."""
     array = np.array(value, dtype=np.float64)
-    if array.ndim == 0 or array.shape[1:] != row or not (np.abs(array) <= largest).all():
+    is_short = array.ndim == 0 or array.shape[1:] != row or len(array) < count
+    if is_short or not (np.abs(array) <= largest).all():
         raise ValueError
     return array
 
@@ -230,13 +246,6 @@ def _start(value: Any) -> JointPositions:
     is_linear = [member.endswith(_METRES) for member in members]
     numbers = _numbers([member.removesuffix(_METRES) for member in members], (), _MOST_DEGREES)
     return np.where(is_linear, numbers, np.radians(numbers))
-
-
-def _waypoints(value: Any) -> Points:
-    points = _numbers(value, (3,), _FARTHEST)
-    if len(points) < 2:
-        raise ValueError
-    return points
 
 
 def _quaternions(value: Any) -> np.ndarray:
@@ -280,7 +289,7 @@ _DEGREES = f'finite numbers, none beyond {_MOST_DEGREES:g}'
 _READERS: dict[str, tuple[Callable[[Any], Any], str]] = {  # and what is expected, in words
     'robot': (_name, 'a name'),
     'start': (_start, f'a list of {_DEGREES}'),
-    'waypoints': (_waypoints, _POINTS),
+    'waypoints': (lambda value: _numbers(value, (3,), _FARTHEST, 2), _POINTS),
     'quaternions': (_quaternions, 'rows x, y, z, w of finite numbers, not all of them zero'),
     'rpy': (_angles, f'rows of 3 {_DEGREES}'),
     'segment_time': (_number, 'a number'),
