@@ -183,8 +183,7 @@ class Policy:
     @property
     def measurements(self) -> set[str]:
         """Names of the measurements that its preferences and limits use."""
-        users = (*self.preferences, *(self.limits or ()))
-        return {user.measurement for user in users} - {''}
+        return {user.measurement for user in (*self.preferences, *(self.limits or ()))} - {''}
 
     @cached_property
     def for_joints(self) -> 'Policy':

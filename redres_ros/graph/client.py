@@ -96,8 +96,7 @@ class GraphClient:
 
     def offers(self, of: str) -> bool:
         """Whether a node has been discovered."""
-        client = self._client(GetParameters, f'{of}/get_parameters')
-        return bool(client.service_is_ready())
+        return bool(self._client(GetParameters, f'{of}/get_parameters').service_is_ready())
 
     def await_nodes(self, stopped: threading.Event, patience: float) -> bool:
         """Wait until controller and planner are there; False if that was stopped first.

@@ -41,10 +41,7 @@ class Conditions(NamedTuple):
 # In each mode the first transition counts whose condition has that value.
 _TRANSITIONS: dict[Mode, tuple[tuple[str, bool, Mode], ...]] = {
     Mode.INACTIVE: (('active', True, Mode.HOLDING),),
-    Mode.MIRRORING: (
-        ('active', False, Mode.INACTIVE),
-        ('commandable', True, Mode.HOLDING),
-    ),
+    Mode.MIRRORING: (('active', False, Mode.INACTIVE), ('commandable', True, Mode.HOLDING)),
     Mode.HOLDING: (
         ('active', False, Mode.INACTIVE),
         ('commandable', False, Mode.MIRRORING),

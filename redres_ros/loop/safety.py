@@ -203,9 +203,7 @@ class ProgressMonitor:
         self.active_limits: Callable[[], str] = str  # that acted last, in words
 
     def redirect(self, t: Seconds, left: Seconds, tip: np.ndarray, *, is_reached: bool) -> None:
-        """Lead elsewhere, at a time t of the path, with the time that is left of the new one. It
-        begins anew if it ends here, or has gone on, and the tip (in metres) has come along.
-        """
+        """A new path, at t: begin anew if it ends here, or has gone on with the tip (in metres)."""
         has_moved = np.linalg.norm(tip - self._tip) > (1.0 - _FRACTION) * self._error
         if is_reached or (abs(t - self._t) > _STEP and has_moved):
             self._t = t

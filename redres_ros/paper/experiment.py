@@ -114,8 +114,7 @@ def experiment(
             t = len(robot.shown) * client.T
             q_ref = client.update(robot.q, planner.reference(x, t + ahead).dx).q_ref
         robot.step(q_ref)
-    shown = np.array(robot.shown)
-    return Experiment(**vars(recording), stop_reason=robot.stop_reason, q=shown)
+    return Experiment(**vars(recording), stop_reason=robot.stop_reason, q=np.array(robot.shown))
 
 
 def velocity_difference(law: Recording, scheme: Recording) -> np.ndarray:

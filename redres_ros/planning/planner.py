@@ -149,8 +149,7 @@ class Planner:
         dx = self._feedback(error) + line * ds  # Eq. (37)
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, start, self._finished)
-        A = self._turns[start]
-        B = self._turns[start + 1]
+        A, B = self._turns[start : start + 2]
         turn = rotation_error(A, B)
         R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
         turn_left = rotation_error(R, R_d)

@@ -105,8 +105,7 @@ class SnapshotNode(GraphMonitor):
         return found
 
     def _count(self, name: str) -> int:
-        wanted = (name, self.get_namespace())
-        return self.get_node_names_and_namespaces().count(wanted)
+        return self.get_node_names_and_namespaces().count((name, self.get_namespace()))
 
     def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
         """Parameters of a node; None if it is not there, or does not respond."""

@@ -13,10 +13,7 @@ import pinocchio as pin
 from redres_ros.errors import ArrayError
 from redres_ros.types import Meters, Position, Quaternion
 
-OBSTACLES = {
-    'floor': 'z',
-    'sphere': 'x y z radius',
-}
+OBSTACLES = {'floor': 'z', 'sphere': 'x y z radius'}
 WALLS = {
     'half_space': 'a b c d',  # a x + b y + c z <= d
     'inside_box': 'x y z x y z',  # least, then largest
