@@ -61,8 +61,7 @@ def random_motion(n: int, count: int, seed: int = 0) -> list[tuple[np.ndarray, n
     """Pairs of q and dq, both (n,), all around and fast."""
     random = np.random.default_rng(seed)
     q = random.uniform(-np.pi, np.pi, (count, n))
-    dq = random.normal(0.0, 2.0, (count, n))
-    return list(zip(q, dq, strict=True))
+    return list(zip(q, random.normal(0.0, 2.0, (count, n)), strict=True))
 
 
 def dependent_levels(model: RobotModel, seed: int) -> tuple[list, np.ndarray, np.ndarray]:

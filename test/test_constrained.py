@@ -170,8 +170,7 @@ def test_without_a_velocity_the_share_is_one():
 def off_zero(seed: int) -> Problem:
     """A problem whose box holds no rest: the arm cannot brake as fast as the task would like."""
     problem = Problem(seed)
-    random = np.random.default_rng((seed, 1))
-    middle = random.normal(size=7)
+    middle = np.random.default_rng((seed, 1)).normal(size=7)
     problem.box = middle - 0.1, middle + 0.1
     return problem
 

@@ -101,8 +101,7 @@ def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(
 
 def test_gains_of_limits_are_set_with_them(model, task):
     controller = controller_of(model, limits=BOX, limit_gains={'position.margin': 0.5})
-    end = model.q_max - 0.5
-    q = np.where(np.arange(model.n) == 3, end, 0.5 * task.start)
+    q = np.where(np.arange(model.n) == 3, model.q_max - 0.5, 0.5 * task.start)
     controller.update(q, np.zeros(3))
     controller.set_limits(BOX, limit_gains={'position.margin': 0.6})
     back = [controller.update(q, np.zeros(3)).dq[3] for _ in range(20)]

@@ -33,8 +33,7 @@ def test_perfect_stamps_are_one_cycle_each_and_a_gap_is_as_many_as_it_holds() ->
 def test_jitter_within_half_a_period_and_a_rate_half_a_percent_off_do_not_matter(
     share: float, off: float
 ) -> None:
-    random = np.random.default_rng(1)
-    jitter = random.uniform(-share, share, 20_000)
+    jitter = np.random.default_rng(1).uniform(-share, share, 20_000)
     stamps = [EPOCH + round(T * (k * (1.0 + off) + jitter[k])) for k in range(20_000)]
     counts = counted(sorted(stamps))
     assert counts.count(1) >= 0.99 * len(counts)

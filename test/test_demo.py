@@ -128,8 +128,7 @@ def test_the_task_is_finished_in_real_time(tmp_path: Path) -> None:
     path = write_task(out / 'task.yaml', task.waypoints[:POINTS], task.segment_time)
     done = demo(out, '--task', path)
     assert done.returncode == 0, done.stdout + done.stderr
-    rows = motion(out)
-    end = rows[-1, [columns(7).index(name) for name in 'xyz']]
+    end = motion(out)[-1, [columns(7).index(name) for name in 'xyz']]
     assert np.linalg.norm(end - task.waypoints[POINTS - 1]) < 0.001
     figures = summary(out)
     assert (figures['task'], figures['stop_reason']) == ('finished', '')

@@ -36,8 +36,7 @@ def started(directory: Path, **nodes: dict[str, Any]) -> Iterator[None]:
     with ExitStack() as stack:
         stack.enter_context(own_domain())
         for name, parameters in nodes.items():
-            node = NodeProcess(name, directory / f'{name}.log', parameters)
-            stack.callback(node.end)
+            stack.callback(NodeProcess(name, directory / f'{name}.log', parameters).end)
         yield
 
 

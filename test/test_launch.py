@@ -70,8 +70,7 @@ def started(launch_file: ModuleType, **given: str) -> dict[str, Recorded]:
     defaults = {a.name: a.default_value for a in launch_file.generate_launch_description()[:-1]}
     argv = [f'{name}:={value}' for name, value in given.items()]
     context = SimpleNamespace(launch_configurations={**defaults, **given}, argv=argv)
-    nodes = launch_file.start_nodes(context)
-    return {node.executable: node for node in nodes}
+    return {node.executable: node for node in launch_file.start_nodes(context)}
 
 
 def test_by_default_the_fake_arm_its_controller_the_planner_and_the_frames_are_started(launch_file):
@@ -193,8 +192,7 @@ def test_states_of_another_topic_reach_all_that_listen_to_them(launch_file):
 def test_rviz_looks_from_the_root_link_of_any_arm(launch_file, tmp_path):
     assert started(launch_file, rviz='true')['rviz2'].arguments[-2:] == ['-f', 'world']
     urdf = tmp_path / 'mine.urdf'
-    description = find_arm('planar4r').description()
-    urdf.write_text(description.replace('"world"', '"table"'))
+    urdf.write_text(find_arm('planar4r').description().replace('"world"', '"table"'))
     rviz = started(launch_file, rviz='true', robot=str(urdf))['rviz2']
     assert rviz.arguments[-2:] == ['-f', 'table']
     # The driver of a robot knows, and RViz can be set by hand.

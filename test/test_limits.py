@@ -258,8 +258,7 @@ def test_the_last_check_lets_pass_what_is_allowed_and_brakes_the_rest_within_it(
 
 @EVERY_LIMIT
 def test_every_limit_has_its_name_and_allows_less_with_a_smaller_scale(name, model):
-    random = np.random.default_rng(4)
-    state = at_rest(model, random.uniform(-1.0, 1.0, model.n))
+    state = at_rest(model, np.random.default_rng(4).uniform(-1.0, 1.0, model.n))
     limits = make_limits((name,), model)
     assert list(limits.names.values()) == [name]
     wide = limits.at(state, T)

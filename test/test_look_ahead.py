@@ -185,8 +185,7 @@ def test_whatever_the_path_says_the_task_is_executed_and_nothing_steps(law):
         if k % 40 == 0:
             times = np.cumsum(random.uniform(0.01, 0.3, 8)) - random.uniform(0.0, 1.0)
             spread = random.choice((0.01, 0.2, 5.0))
-            x = FR3.tip(q)[0]
-            ahead = Preview(times, x + random.normal(0.0, spread, (8, 3)))
+            ahead = Preview(times, FR3.tip(q)[0] + random.normal(0.0, spread, (8, 3)))
             if random.random() < 0.2:
                 ahead = None
             if random.random() < 0.2:

@@ -37,8 +37,7 @@ def test_the_speed_rises_again_with_a_limited_acceleration() -> None:
 def test_where_limits_act_joints_reverse_less_and_the_task_takes_no_longer() -> None:
     """Least acceleration at 0.4 of the limits, to the stretched arm and back."""
     task = load_task('rectangle')
-    back = task.waypoints[2::-1]
-    task = replace(task, waypoints=np.vstack((task.waypoints, back)))
+    task = replace(task, waypoints=np.vstack((task.waypoints, task.waypoints[2::-1])))
     model = RobotModel.named(task.robot)
     period = 0.004  # [s]
     allowed = 0.4 * np.array(model.arm.acceleration_limit)

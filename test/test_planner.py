@@ -210,8 +210,7 @@ def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
 def test_a_preview_of_a_long_task_turns_only_through_what_it_shows(turning):
     points = np.tile(turning.waypoints, (50, 1))
     turns = np.tile(turning.orientations, (50, 1, 1))
-    task = replace(turning, waypoints=points, orientations=turns)
-    planner = Planner(task)
+    planner = Planner(replace(turning, waypoints=points, orientations=turns))
     with mock.patch.object(planner_module, 'rotation_error', wraps=rotation_error) as turn:
         planner.preview(0.0, 0.1)  # at three times
     assert turn.call_count == 3
@@ -276,8 +275,7 @@ def ideally(follower: TargetFollower, ts: np.ndarray, piece: Any = None) -> list
     R = EYE
     for t in ts:
         reference = follower.reference(x, t, R)
-        reference = follower.reference(reference.x_d, t, reference.R_d)
-        references.append(reference)
+        references.append(follower.reference(reference.x_d, t, reference.R_d))
         if piece and (path := piece(t)):
             follower.set_path(path)
     return references

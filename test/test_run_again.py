@@ -78,8 +78,7 @@ def test_every_task_runs_again_with_every_law_after_a_switch_and_a_hold(
 def test_stop_on_the_way_home_brings_the_joints_to_rest(run: VirtualRun) -> None:
     run.graph.call('planner/home')
     run.run(1.0)
-    response = run.graph.call('planner/stop')
-    assert 'comes to rest' in response.message
+    assert 'comes to rest' in run.graph.call('planner/stop').message
     run.run(1.0)
     q = run.nodes['sim']._robot.plant.q.copy()
     run.run(1.0)
@@ -92,8 +91,7 @@ def test_an_obstacle_on_the_way_home_is_not_hit_and_named(run: VirtualRun) -> No
     """A sphere where the tip would be half way; the motion is given up before it."""
     model = RobotModel.named('lwr4_paper')
     q = run.nodes['sim']._robot.plant.q.copy()
-    middle = (q + run.nodes['planner']._task.start) / 2.0
-    x, _ = model.tip(middle)
+    x, _ = model.tip((q + run.nodes['planner']._task.start) / 2.0)
     changes = {
         'limits': ['position', 'velocity', 'acceleration', 'collision'],
         'scene.obstacles': f'sphere {x[0]} {x[1]} {x[2]} 0.05',

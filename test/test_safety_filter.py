@@ -59,7 +59,6 @@ def test_a_joint_that_cannot_stop_within_its_range_any_more_is_reported_while_it
     arm = Guarded(q, only(0.8))  # in 5 cycles without a command the robot moves it by 8 mm
     braking = only(0.8 - A[JOINT] * T)
     wanted = q + 5 * T * only(0.8) + T * braking
-    admitted = arm.admit(wanted, 5)
-    np.testing.assert_allclose(admitted.q_ref, wanted, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(arm.admit(wanted, 5).q_ref, wanted, rtol=0.0, atol=1e-12)
     assert 'too fast to stop' in arm.filter.reason
     assert arm.filter.count == 1

@@ -157,8 +157,7 @@ def test_a_continuous_joint_turns_as_often_as_wanted():
 
 def test_a_prismatic_joint_moves_along_its_axis():
     text = changed('elbow', 'type="revolute"', 'type="prismatic"')
-    model = model_of(text)
-    J = model.state(np.array((0.0, 0.7, 0.2, 0.3)), np.zeros(4)).J
+    J = model_of(text).state(np.array((0.0, 0.7, 0.2, 0.3)), np.zeros(4)).J
     assert J[:, 2] == pytest.approx((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), abs=1e-12)  # its axis is y
     assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
@@ -181,8 +180,7 @@ def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_reporte
 
 def test_joints_may_be_listed_in_any_order():
     joints = dict(reversed(PARTS.items()))
-    nothing = dict.fromkeys(PARTS, '')
-    other = urdf(''.join(joints.values()), **nothing)
+    other = urdf(''.join(joints.values()), **dict.fromkeys(PARTS, ''))
     model, expected = model_of(other), model_of(urdf())
     assert model.joint_names == JOINTS
     for q, dq in random_motion(4, 10):

@@ -29,8 +29,7 @@ def held_up(*, every: float, length: float) -> Fault:
     """Now and then nothing comes for a time [s], and then all of it at once."""
 
     def fault(message: Any, now: float) -> list[tuple[float, Any]]:
-        into = now % every
-        return [(max(length - into, 0.0), message)]
+        return [(max(length - now % every, 0.0), message)]
 
     return fault
 
