@@ -48,7 +48,7 @@ class WaypointTask(Checked):
     'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
     the task velocity. With `times`, of which segment_time is then the mean step, the tip passes all
     points without a rest. `nodes` has parameters of the nodes in a demo, by the node: what the tip
-    touches, how it yields; `events` are changes of these during the motion.
+    touches, how it yields; `events` change these in motion. Raises ArrayError for what is no path.
     """
 
     robot: str
