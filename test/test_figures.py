@@ -106,8 +106,7 @@ def test_laws_and_schemes_differ_by_their_sensors_in_experiments(runs, law, sche
     found = VelocityDifference.between(runs[law], runs[scheme])
     assert 0.0 < found.measured.max() < 0.02 * found.dq.max()
     # What the paper plots is at most the sum of what it consists of.
-    parts = found.commanded + found.filtered + found.servo
-    assert (found.total <= parts + 1e-12).all()
+    assert (found.total <= found.commanded + found.filtered + found.servo + 1e-12).all()
 
 
 def test_the_torque_of_a_motion_is_inertia_times_acceleration_and_gravity(runs):

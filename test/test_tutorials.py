@@ -41,7 +41,8 @@ def errors_behind_a_camera(gain: float) -> np.ndarray:
             angle = 2.0 * np.pi * k / 150.0  # a round in 5 s
             target = centre + 0.04 * np.array((0.0, np.cos(angle), np.sin(angle)))
             dx = gain * seen  # of the picture before
-            errors.append(1e3 * float(np.linalg.norm(target - tip)))
+            seen = target - tip
+            errors.append(1e3 * float(np.linalg.norm(seen)))
             run.graph.publish('cartesian_velocity', to_twist(0, '', dx))
             run.run(1.0 / 30.0)
     return np.array(errors[60:])
