@@ -334,10 +334,7 @@ class Controller:
         correction: Correction | None = None,
         ahead: Preview | None = None,
     ) -> Plan:
-        """The next reference, for commit(); arguments as of update().
-
-        Raises RedresError as update().
-        """
+        """The next reference, for commit(); arguments as for update(). Raises RedresError."""
         if missed != 0 and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
         are_arrays = type(q) is type(dx) is np.ndarray and q.dtype is dx.dtype is FLOAT64

@@ -67,10 +67,7 @@ class Factor:
 
 
 class Square(Factor):
-    """The weight W = M M of a symmetric positive definite M (n, n).
-
-    Solving raises ArrayError for another M.
-    """
+    """The weight W = M M; solving raises ArrayError unless M (n, n) is positive definite."""
 
     form = SQUARE
 

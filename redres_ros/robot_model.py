@@ -180,11 +180,8 @@ class RobotState:
 
 
 class RobotModel:
-    """An arm's model in Pinocchio.
-
-    Raises:
-        FileError: A URDF that cannot be used.
-        UnknownNameError: A frame that does not exist.
+    """An arm's model in Pinocchio. Raises FileError for a URDF that cannot be used, and
+    UnknownNameError for a frame that does not exist.
     """
 
     def __init__(self, arm: Arm) -> None:

@@ -240,6 +240,13 @@ def test_the_same_state_again_gets_the_same_response_and_another_one_with_its_st
         robot.following.step(robot.stamp, START + 0.1, robot.now)
 
 
+def test_a_state_after_a_stray_that_took_its_cycle_gets_the_same_command() -> None:
+    robot = at_speed()
+    stray = robot.ask(robot.stamp + NS // 2)
+    response = robot.following.step(robot.stamp, robot.q, robot.now)
+    assert (response.stamp, response.command) == (robot.stamp, stray.command)
+
+
 def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
     robot = at_speed()
     robot.cycle += 100

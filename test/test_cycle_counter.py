@@ -1,7 +1,7 @@
 """Stamps of a robot's states, counted as cycles: perfect, jittering, drifting, set, reordered."""
 
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import numpy as np
 import pytest
@@ -47,44 +47,35 @@ def test_states_that_are_missed_while_the_process_is_held_up_are_counted() -> No
     assert counted(stamps, arrivals) == [1, 1, 1, 50, 1]
 
 
-@pytest.mark.parametrize('step', [0.005, 0.3, 0.9, 3600.0, -3600.0])
-def test_a_clock_that_is_set_costs_one_state(step: float) -> None:
-    cycles = CycleCounter(T)
-    refused = 0
-    for k in range(1000):
-        stamp = EPOCH + k * T - (round(step * 1e9) if k >= 500 else 0)
-        try:
-            assert cycles.enter(stamp, k * 0.002) == (2 if k == 501 else k > 0)
-        except ClockError:
-            refused += 1
-    assert refused == 1
-
-
-@pytest.mark.parametrize('step', [-3600.0, -0.3, -0.004, 0.05, 0.3, 3600.0])
+@pytest.mark.parametrize('step', [-3600, -0.9, -0.3, -0.005, -0.004, 0.05, 0.3, 0.9, 3600])
 @pytest.mark.parametrize('lost', [0, 7])  # states
-def test_the_cycles_in_which_a_clock_is_set_are_all_counted(step: float, lost: int) -> None:
-    if step == -0.004 and lost:
+def test_a_clock_that_is_set_costs_one_state_at_most_and_no_cycle(step: float, lost: int) -> None:
+    if -0.01 < step < 0.0 and lost:
         pytest.skip('looks like a state that is late')
     cycles = CycleCounter(T)
     counts = []
-    for k in range(1000):
+    for k in (*range(500), *range(500 + lost, 1000)):
         stamp = EPOCH + k * T + (round(step * 1e9) if k >= 500 else 0)
-        # The second one of a clock that is set back by two cycles is the last one, by its stamp.
-        if not 500 <= k < 500 + lost and stamp != cycles.newest:
-            with suppress(ClockError):
-                counts.append(cycles.enter(stamp, k * 0.002))
+        with suppress(ClockError):
+            counts.append(cycles.enter(stamp, k * 0.002))
     assert sum(counts) == 999
+    assert len(counts) == 1000 - lost - (not 0.0 < step <= 1.0)
 
 
-def test_a_state_out_of_order_is_refused_and_changes_nothing() -> None:
+@pytest.mark.parametrize(
+    'strays', [(5e9,), (-5e9,), (3e8,), (T / 2,), (-T,), (-2 * T, -T), (-T, -5 * T, -3 * T, -3 * T)]
+)
+@pytest.mark.parametrize('late', [0, 2, 11])
+def test_strays_cost_no_cycle_however_late_the_next_state_comes(strays, late) -> None:
     cycles = CycleCounter(T)
-    for k in range(10):
+    for k in range(100):
         cycles.enter(EPOCH + k * T, k * 0.002)
-    for behind in (1, 5, 3, 3):
-        with pytest.raises(ClockError, match='before the newest'):
-            cycles.enter(EPOCH + (9 - behind) * T, 0.018)
-    assert cycles.enter(EPOCH + 10 * T, 0.020) == 1
-    assert cycles.number == 11
+    for stray in strays:
+        with nullcontext() if 0 < stray < 1e9 else pytest.raises(ClockError, match='the newest'):
+            cycles.enter(EPOCH + 99 * T + round(stray), 0.1985)
+    for k in (100, 101):
+        cycles.enter(EPOCH + k * T, (k + late) * 0.002)
+        assert cycles.number == k + 1
 
 
 def test_a_stamp_of_zero_is_refused() -> None:

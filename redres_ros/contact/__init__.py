@@ -285,9 +285,8 @@ class ContactControl:
         self._searched += self.T * float(executed[:3] @ self._toward)
 
     def asks(self, state: RobotState, missed: Cycles = 0, *, at_rest: bool = True) -> bool:
-        """Whether an arm is to move, or to move on: a wrench or a desired force asks for it.
-
-        At rest it is called in place of velocity().
+        """Whether an arm is to move, or to move on: a wrench or a desired force asks for it. At
+        rest it is called in place of velocity().
         """
         if not at_rest:
             return self.retreat is not None or bool((np.abs(self.de) > _AT_REST).any())

@@ -80,9 +80,8 @@ class GraphClient:
             raise CallError(f'{of} refused: {response.result.reason}')
 
     def parameters(self, of: str, names: Sequence[str] = ()) -> dict[str, Any]:
-        """Parameters of a node, arrays as lists; all that have a value if no names are given.
-
-        Raises CallError.
+        """Parameters of a node, arrays as lists; without names all that have a value. Raises
+        CallError.
         """
         wanted = list(names)
         if not wanted:
@@ -99,9 +98,8 @@ class GraphClient:
         return bool(self._client(GetParameters, f'{of}/get_parameters').service_is_ready())
 
     def await_nodes(self, stopped: threading.Event, patience: float) -> bool:
-        """Wait until controller and planner are there; False if that was stopped first.
-
-        Raises CallError if they have not appeared in that time [s].
+        """Wait until controller and planner are there; False if that was stopped first. Raises
+        CallError if they have not appeared in that time [s].
         """
         until = time.monotonic() + patience
         while missing := [name for name in _NEEDED if not self.offers(name)]:

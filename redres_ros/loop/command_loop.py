@@ -12,7 +12,7 @@ from redres_ros.contact import AdmittanceSettings, ContactControl, ContactError
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.kernels.tick import largest
-from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
+from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.loop.holding import ARRIVED, NOTHING, HeldReference, PoseHold, approach_velocity
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import COMMANDING, MOVING_MODES, Conditions, Mode, next_mode
@@ -183,9 +183,8 @@ class CommandLoop:
             self.faults.clear()
 
     def tare(self) -> None:
-        """Take the measured wrench for the sensor's bias.
-
-        Raises ContactError while the arm moves or yields, or for a wrench that cannot be used.
+        """Take the measured wrench for the sensor's bias. Raises ContactError while the arm moves
+        or yields, or for a wrench that cannot be used.
         """
         if self._newest is None or self.mode in MOVING_MODES:
             raise ContactError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
@@ -216,19 +215,17 @@ class CommandLoop:
         before = cycles.newest
         if self._controller.has_turns:
             q = self._controller.nearest_turn(q)
-        if stamp and stamp == before and self._newest:
+        is_known = stamp and stamp == before
+        if is_known and self._newest and np.array_equal(q, self._newest.q):
             # A robot that waits for its command asks again, and gets the same one.
-            if not np.array_equal(q, self._newest.q):
-                raise ClockError(
-                    'stamped as the last one, but with other positions; expected a later stamp'
-                )
             return self.respond_if_due(now) if self._waiting else self.newest_response
         # Else it may be the same one for a controller that was activated while the robot waits.
-        if stamp != before or not stamp:
+        if not is_known or self._newest:
             # A robot whose clock has made a step against this computer's is another one.
             step = (stamp - before) / NANOSECONDS - now + cycles.arrived
             is_another = not before or abs(step) >= _CLOCK_STEP
-            if cycles.enter(stamp, now) == 0:
+            number = cycles.number
+            if cycles.enter(stamp, now) == 0 and cycles.number > number:
                 self._begin_anew(None if is_another else q)
                 if before and is_another and self._session:
                     self._session = 'unknown'
@@ -238,10 +235,8 @@ class CommandLoop:
         return self.respond_if_due(now, robot_waits=robot_waits)
 
     def _begin_anew(self, q: JointPositions | None) -> None:
-        """Reset the published references: the robot is another one, or was restarted.
-
-        The last reference stays if an arm that was silent for long, measured at q, is where that
-        holds it.
+        """Reset the published references: the robot is another one, or was restarted. The last one
+        stays if an arm that was silent for long, measured at q, is where that holds it.
         """
         controller = self._controller
         published = controller.published
@@ -306,12 +301,14 @@ class CommandLoop:
 
     def _respond(self, state: _State, now: Seconds) -> Response | None:
         """What was missed, what is asked for, the mode that follows, and its command."""
+        last = self.newest_response
+        if last and last.cycle == state.cycle:  # of a stray, which took the cycle of this state
+            return last._replace(stamp=state.stamp, q=state.q)
         controller = self._controller
         self._silence = ''
         is_together = state.arrived - self.sent < self._together
         if is_together and self._holds and self.mode in MOVING_MODES:
             controller.published = self._before
-        last = self.newest_response
         missed = state.cycle - last.cycle - 1 if last else 0
         if last and missed:
             missed = self._bridge(state, last, missed)
@@ -487,10 +484,7 @@ class CommandLoop:
     # --- what a mode publishes --------------------------------------------------------------------
 
     def _command(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
-        """The command of the mode in force, for the input velocity dx.
-
-        Raises RedresError if there is none.
-        """
+        """The mode's command for the input velocity dx. Raises RedresError if there is none."""
         if self.mode not in MOVING_MODES:
             return self._rest(q)
         if self.mode is Mode.STOPPING:

@@ -12,6 +12,10 @@ RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
 _GAIN = 0.05  # fraction of a stamp's residual by which the expected stamps are moved
 _DOUBT = 0.2  # of a period by which a state must be later than half of one to be two cycles
 _EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
+# A state was a stray that took the cycle of the next one if its stamp was early by so much (more:
+_STRAY = (0.25, 0.7)  # [periods] the clock was set back), the next one is as near to
+_NEAR = 0.15  # [periods] where that cycle is expected,
+_STEADY_STATES = 10  # and so many states before were less early or late: stamps do not jitter
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _GAP = 0.15  # [s] without a state, in which this process may have slept
@@ -49,9 +53,10 @@ class CycleCounter:
     """Counts the robot's cycles by the stamps of its states.
 
     A state is one cycle as long as its stamp lies within half a period of where it is expected.
-    Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. A
-    clock that is set forward by no more than a second is noticed, as that state came sooner after
-    its stamp than any could; of any other one the first is refused. Arrivals count its cycles.
+    Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. The
+    first state of another clock is refused, unless it is ahead by no more than a second: it came
+    sooner after its stamp than any could. A second one like it sets the clock, and arrivals count
+    its cycles; before that, all that fit the old clock are of that one, however late they come.
 
     Attributes:
         number: Of the newest state's cycle; never goes back.
@@ -70,27 +75,27 @@ class CycleCounter:
         self.newest = 0
         self.arrived = 0.0
         self.woke = -_GAP
-        self._apart = 0  # stamp of a state that may be of another clock [ns]
+        self._steady = 0  # states in a row, before the newest one, that came as expected
         self._numbers: dict[int, int] = {}  # cycles by stamp, of the last states
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self._changes = 0.0
         self.rate_error = ''
         self._set(0, 0.0)
 
-    def _set(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
-        """Expect stamps by the clock of this one; the cycles to it, by their arrivals alone."""
+    def _set(self, stamp: Nanoseconds, arrived: Seconds) -> None:
+        """Expect stamps by the clock of this one."""
+        self._apart = 0  # stamp of the last state, if that may be of another clock [ns]
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
         self._numbers.clear()
         self._unjudged.clear()
-        return max(round((arrived - self.arrived) * NANOSECONDS / self.period), 1)
 
     def enter(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
-        """The number of cycles from the last state to this one; 0 if the clock is a new one.
+        """Cycles from the last state to this one; 0 if the clock is a new one, and for another one
+        of the same cycle, whose number stays.
 
-        Raises:
-            ClockError: The state has no stamp, is out of order, or comes far too early.
+        Raises ClockError for one that has no stamp, is out of order, or comes far too early.
         """
         if stamp <= 0:
             raise ClockError('the state has no stamp; expected the time of its measurement')
@@ -99,45 +104,64 @@ class CycleCounter:
             self._judge_rate()
         if self._changes >= _CHANGES:
             self.rate_error = _TWO_NODES
-        if self.newest and 0 < stamp - self.newest <= _NEW_CLOCK:
-            self._changes = max(self._changes - (stamp - self.newest) / NANOSECONDS, 0.0)
-            cycles = self._count(stamp, arrived)
+        elapsed = stamp - self.newest
+        since = elapsed + self._late  # [ns] since the newest cycle, on its clock
+        delay = arrived - stamp / NANOSECONDS - self._least_delay  # [s] beyond the least one
+        due = since + delay * NANOSECONDS  # [ns] since that cycle, by the arrival
+        half = 0.5 * self.period
+        if elapsed and abs(since) < _NEAR * self.period and self._is_stray(due):
+            cycles = 0
+            self._late = since
+            self._steady = 0
+        # One that is before the newest state is later than its cycle, if that state was ahead.
+        elif self.newest and elapsed <= _NEW_CLOCK and (elapsed > 0 or (elapsed and since > half)):
+            self._changes = max(self._changes - since / NANOSECONDS, 0.0)
+            cycles = self._count(stamp, arrived, since, due)
+            self.number += cycles
         else:
-            cycles = self._step(stamp, arrived)
-        self.number += max(cycles, 1)
+            cycles = self._step(stamp, arrived, due)
+            self.number += max(cycles, 1)
         self._counted += 1
         if self.newest and arrived - self.arrived > _GAP:
             self.woke = arrived
         self.newest = stamp
         self.arrived = arrived
-        self._apart = 0
         self._numbers[stamp] = self.number
         if len(self._numbers) > _REMEMBERED:
             del self._numbers[next(iter(self._numbers))]  # the oldest
         return cycles
 
-    def _count(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
-        """Cycles in a time that has passed on the robot's clock, or 1 if that was set forward."""
+    def _is_stray(self, due: float) -> bool:
+        """Whether the newest state took the cycle of one that comes now."""
+        early = -self._late / self.period
+        came_apart = early < -_STRAY[0] or _STRAY[0] < early < _STRAY[1]
+        return (came_apart or due < 0.5 * self.period) and self._steady >= _STEADY_STATES
+
+    def _count(self, stamp: Nanoseconds, arrived: Seconds, since: float, due: float) -> Cycles:
+        """Cycles in a time that has passed on the robot's clock, or by arrival if that is ahead."""
         elapsed = stamp - self.newest
-        delay = arrived - stamp / NANOSECONDS
-        since = elapsed + self._late  # [ns]
         cycles = max(round(since / self.period - _DOUBT), 1)
+        self._steady = self._steady + 1 if abs(self._late) < _STRAY[0] * self.period else 0
         if since < (1.0 + _EARLIEST) * self.period:
             raise ClockError(
                 f'stamped {elapsed / 1e6:.3g} ms after the last one, and so were those before; '
                 f'expected {self.period / 1e6:.3g} ms (rate {NANOSECONDS / self.period:g} Hz)'
             )
-        too_early = (self._least_delay - delay) * NANOSECONDS  # [ns]
-        waited = (arrived - self.arrived) * NANOSECONDS  # [ns]
-        was_set_back = self._apart and waited > (cycles + 1.5) * self.period
-        if was_set_back or (cycles > 1 and too_early > 0.5 * (cycles - 1) * self.period):
-            return self._set(stamp, arrived)
+        if self._apart == self.newest and 0.5 < elapsed / self.period < 1.5:
+            self._set(stamp, arrived)
+            return 1
+        if cycles > 1 and since - due > 0.5 * (cycles - 1) * self.period:
+            cycles = self._arrivals(arrived)
+            self._late = since - cycles * self.period
+            self._apart = stamp
+            return cycles
         gain = max(_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
         self._late = (1.0 - gain) * (since - cycles * self.period)
-        self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
+        self._least_delay += min(_DRIFT * since, due - since) / NANOSECONDS
+        self._apart = 0
         return cycles
 
-    def _step(self, stamp: Nanoseconds, arrived: Seconds) -> Cycles:
+    def _step(self, stamp: Nanoseconds, arrived: Seconds, due: float) -> Cycles:
         """Cycles to a state of another clock; 0 for a robot that was started again.
 
         That one was silent before. One whose clock was set says so twice, of which the first is a
@@ -146,18 +170,24 @@ class CycleCounter:
         step = stamp - self.newest
         if abs(step) > _NEW_CLOCK // 10:
             self._changes = min(self._changes + 1.0, _CHANGES + 1.0)
-        is_second = 0 < stamp - self._apart < 2 * self.period
-        if self.newest and not is_second and arrived - self.arrived <= _SILENCE:
+        is_second = 0 < stamp - self._apart < 2 * self.period and due > 1.5 * self.period
+        if self.newest and not is_second and not (step and arrived - self.arrived > _SILENCE):
             self._apart = stamp
             side = 'after' if step > 0 else 'before'
+            place = f'{abs(step) / NANOSECONDS:.3g} s {side} the newest one'
             raise ClockError(
-                f'stamped {abs(step) / NANOSECONDS:.3g} s {side} the newest one; expected a later '
-                f'stamp, by at most {_NEW_CLOCK / NANOSECONDS:g} s, or a second state like it'
+                f'stamped {place if step else "as the last one, but with other positions"}; '
+                f'expected a later stamp, by at most {_NEW_CLOCK / NANOSECONDS:g} s, or a second '
+                'state like it'
             )
-        cycles = self._set(stamp, arrived)
+        self._set(stamp, arrived)
         if self.newest and (is_second or abs(step) <= _NEW_CLOCK):
-            return max(cycles, 1 + is_second)
+            return max(self._arrivals(arrived), 1 + is_second)
         return 0
+
+    def _arrivals(self, arrived: Seconds) -> Cycles:
+        """Cycles since the newest state came."""
+        return max(round((arrived - self.arrived) * NANOSECONDS / self.period), 1)
 
     def _judge_rate(self) -> None:
         """Compare the intervals between states with the period: lost states make some longer."""

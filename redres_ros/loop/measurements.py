@@ -68,7 +68,6 @@ class Measurements:
         self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
     ) -> None:
         """Record a value (k,) that a preference or limit uses by this name; as enter_wrench().
-
         Raises ArrayError for values that are not finite.
         """
         self._check_age(name, stamp, time_of_day)
@@ -94,11 +93,9 @@ class Measurements:
             self.contact.sensor.advance(missed + 1)
         if not (self.yields and self.contact.sensor.problem):
             self._usable = self._time
-        timeout = self.contact.settings.wrench_timeout
+        oldest = self._time - self.contact.settings.wrench_timeout
         self._controller.measurements = {
-            name: value
-            for name, (value, time) in self._values.items()
-            if self._time - time <= timeout
+            name: value for name, (value, time) in self._values.items() if time >= oldest
         }
         state = self.state(q)
         asks = self.yields and self.contact.asks(state, missed, at_rest=at_rest)

@@ -44,10 +44,7 @@ _ROUNDING = 1e-9  # of a limit
 
 @dataclass(frozen=True)
 class LoopSettings(Checked):
-    """When the controller follows, waits or holds, and how it buffers task velocities.
-
-    Raises RangeError or UnknownNameError for a value that is not allowed.
-    """
+    """When the controller follows, waits or holds, and how it buffers task velocities."""
 
     command_timeout: float = param(
         0.1, 'age at which a cartesian_velocity counts as stale [s]', 0.001, 10.0, live=True
@@ -190,9 +187,6 @@ class _TwistBuffer:
 
 class VelocityInput:
     """The input velocities, of the task or of all joints; the newest kind counts.
-
-    Args:
-        controller: Of the arm that they are for.
 
     Attributes:
         buffer: The one in use: of_task or of_joints.

@@ -155,9 +155,8 @@ def _check_domain(domain: str) -> None:
 
 
 def start(arguments: list[str] | None = None, domain: int | None = None) -> None:
-    """rclpy.init with our own signal handling; without a domain in that of the environment.
-
-    Raises RedresError.
+    """rclpy.init with our own signal handling; without a domain in that of the environment. Raises
+    RedresError.
     """
     # Opening Fast DDS's shared memory for a process that has just come can hold up all who publish
     # for a third of a second (issue 6535 of Fast DDS).

@@ -35,9 +35,8 @@ _shared: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # in a worker
 
 @dataclass(frozen=True)
 class Case(Checked):
-    """One motion as plain data: what `Controller` takes, by names and gains, and the task.
-
-    Raises RedresError for a seed that is none. The controller checks other values.
+    """One motion as plain data: what `Controller` takes, by names and gains, and the task. Raises
+    RedresError for a seed that is none. The controller checks other values.
     """
 
     robot: str = 'lwr4_paper'  # an arm's name, or the path of a URDF, whose text workers get
