@@ -31,6 +31,7 @@ from redres_ros.types import (
     finite_vector,
 )
 
+ELBOW = '(elbow)'  # in place of a frame: the arm's elbow
 _ALIGNED = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, along the axes of the base
 
 _INNER_MARGIN = 0.05  # [rad]
@@ -301,6 +302,7 @@ class RobotModel:
 
     def _frame(self, name: str) -> int:
         """The frame of a link; a joint may have the same name."""
+        name = self.elbow_frame if name == ELBOW else name
         if not self._model.existFrame(name, pin.BODY):
             raise UnknownNameError('frame', name, self.links)
         return self._model.getFrameId(name, pin.BODY)

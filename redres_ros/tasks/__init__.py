@@ -15,7 +15,7 @@ from redres_ros.geometry import from_quaternion, to_quaternion
 from redres_ros.kernels.tick import rotation_error
 from redres_ros.parameter import Checked, Table, param
 from redres_ros.resolution import Level, scaled
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import ELBOW, RobotModel, RobotState
 from redres_ros.types import Jacobian, JacobianDerivatives, Rotation, TaskVelocity, check_finite
 
 
@@ -87,13 +87,10 @@ class _FrameTask(Task):
     frame: str = ''
 
     def jacobian(self, state: RobotState) -> Jacobian:
-        return state.jacobian(self._frame_of(state.model))[self.part]
+        return state.jacobian(self.frame)[self.part]
 
     def derivatives(self, state: RobotState) -> JacobianDerivatives:
-        return state.jacobian_derivatives(self._frame_of(state.model))[:, self.part]
-
-    def _frame_of(self, model: RobotModel) -> str:
-        return self.frame
+        return state.jacobian_derivatives(self.frame)[:, self.part]
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class Position(_FrameTask):
     )
 
     def value(self, state: RobotState) -> np.ndarray:
-        return state.pose(self._frame_of(state.model))[0]
+        return state.pose(self.frame)[0]
 
 
 @dataclass(frozen=True)
@@ -115,12 +112,10 @@ class Elbow(Position):
     """Where the arm's elbow is: 3 rows [m/s], of which those that it cannot follow are left."""
 
     qualifier: ClassVar[str] = ''
+    frame: str = ELBOW
     target: tuple[float, ...] = param(
         (), 'desired position of the elbow in the base frame [m]; none: that of the start'
     )
-
-    def _frame_of(self, model: RobotModel) -> str:
-        return model.elbow_frame
 
 
 class _TurningTask(_FrameTask):
