@@ -137,7 +137,7 @@ class RobotState:
     @property
     def M(self) -> InertiaMatrix:
         if self._M is None:
-            self._M = pin.crba(self.model._model, self.model._data, self.q)  # a copy
+            self._M = self.model._inertia(self.q)
         return self._M
 
     @property
@@ -296,6 +296,9 @@ class RobotModel:
     def _pose(self, q: JointPositions, frame: int) -> tuple[Position, Rotation]:
         placement = self._placement(finite_vector(q, self.n, 'q'), frame)
         return placement.translation.copy(), placement.rotation.copy()
+
+    def _inertia(self, q: JointPositions) -> InertiaMatrix:
+        return pin.crba(self._model, self._data, q)  # a copy
 
     def _bias_torque(self, q: JointPositions, dq: JointVelocities) -> JointTorques:
         return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
