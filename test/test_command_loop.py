@@ -208,10 +208,8 @@ def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
         robot.steer(np.array((0.0, -0.4, 0.0)))
         if cycle * T < 0.3 or cycle % every:
             continue
-        if of_joints:
-            following.enter_velocity(0, np.full(7, 0.5), robot.now + 6e-4, of_joints=True)
-        else:
-            robot.steer(np.array((0.0, 0.4, 0.3)), stamp=0)
+        dx = np.full(7, 0.5) if of_joints else np.array((0.0, 0.4, 0.3))
+        robot.take(following.enter_velocity(0, dx, robot.now + 6e-4, of_joints=of_joints))
     assert_gentle(robot)
     assert following.safety_filter.count == 0
     assert following.error == ''
@@ -247,13 +245,21 @@ def test_a_state_after_a_stray_that_took_its_cycle_gets_the_same_command() -> No
     assert (response.stamp, response.command) == (robot.stamp, stray.command)
 
 
-def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
-    robot = at_speed()
+@pytest.mark.parametrize('moved', [False, True])
+def test_after_a_long_gap_the_controller_begins_anew_and_says_why(moved: bool) -> None:
+    robot = at_speed(interface='ros2_control' if moved else 'fri')
+    pushed = robot.q - 0.03
+    for _ in range(20 * moved):  # others move the arm, and its reference comes after it
+        robot.q = pushed
+        robot.ask()
     robot.cycle += 100
     assert robot.ask() is not None
     assert 'no state came in 100 cycles, allowed 5' in robot.following.warning
     robot.ask()
     assert robot.following.warning == ''
+    robot.following.hold(False)
+    robot.follow(200)
+    assert robot.following.mode is Mode.MOVING
 
 
 def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_it_sags() -> None:
@@ -447,9 +453,7 @@ def test_an_arm_that_a_wall_pushes_back_is_not_placed_there_in_one_step(meanwhil
 
 
 @pytest.mark.parametrize('lets_go', [False, True])
-def test_a_bent_arm_that_is_approached_by_its_reference_does_not_count_as_one_that_is_stuck(
-    lets_go: bool,
-) -> None:
+def test_a_bent_arm_that_its_reference_approaches_does_not_count_as_stuck(lets_go: bool) -> None:
     robot = limited()
     robot.follow(500)
     robot.follow(500, lambda cycle: np.zeros(3))

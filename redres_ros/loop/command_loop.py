@@ -364,6 +364,7 @@ class CommandLoop:
                 f'{place}, at rest'
             )
             self._approach = None
+            self.faults.is_lost = False
             controller.hold_at(published.q if holds else state.q)
             self._held_reference.begin(state.q, LAG_TIME * self.faults.fast if holds else None)
             self.mode = Mode.HOLDING
@@ -534,11 +535,10 @@ class CommandLoop:
         return command
 
     def _follow(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
-        """Along dx; where a planner asks for it, on the path that it has announced."""
+        """Along dx; of a planner that does not wait, on the path that it has announced."""
         ahead = None
-        is_planned = not (self.input.is_steered or self.input.is_of_joints)
-        moves_on = is_planned and largest(dx) > _ROUNDING  # and does not wait
-        if self.preview and self._controller.horizon and moves_on:
+        leads = self.input.is_of_state and not self.input.is_of_joints  # a planner
+        if self.preview and self._controller.horizon and leads and largest(dx) > _ROUNDING:
             begin, path = self.preview
             ahead = path.after((self._cycles.newest - begin) / NANOSECONDS)
         along, correction = self._pose_hold.hold(dx, is_open_loop=self.input.is_steered)
