@@ -197,7 +197,7 @@ def replay(
             continue
         q_ref, dq = log.commands[stamp]
         elapsed = (stamp - before[stamp]) / 1e9 if stamp in before else T
-        dq_prev = log.commands[before[stamp]][1] if stamp in before else 0.0 * dq
+        dq_prev = log.commands[before[stamp]][1] if stamp in before else np.zeros(model.n)
         state = model.state(log.states[stamp], dq_prev)
         J = state.J if pose else state.J[:3]
         solution = Solution(dq, J, J.dot(dq), W=make_law(law).weight(state), s=s)

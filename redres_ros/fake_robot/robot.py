@@ -50,8 +50,8 @@ class _Course:
 
 
 class FakeRobot:
-    """A robot that sends its state at tick k and moves by the command for the state of tick k - 1.
-    Raises JointNamesError for limits of other joints than the plant's.
+    """A robot that sends its state at tick k and moves by the command for that of tick k - 1. For
+    limits of other joints than the plant's it raises JointNamesError.
     """
 
     def __init__(

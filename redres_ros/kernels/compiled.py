@@ -16,7 +16,7 @@ from numba import types
 
 from redres_ros.files.processes import interruptible
 
-_IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])  # somebody looks for a fault
+_IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])  # to look for a fault
 
 
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:

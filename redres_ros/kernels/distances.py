@@ -133,7 +133,7 @@ def _to_wall(
     points: np.ndarray, i: int, wall: np.ndarray, at: np.ndarray, normal: np.ndarray
 ) -> float:
     """The distance of a segment from a half-space, or of a point from any wall [m], positive on the
-    allowed side; the nearest point into at[0], where it becomes smaller into `normal` (3,).
+    allowed side; the nearest point into at[0], the way to less of it into `normal` (3,).
     """
     end = 0
     if wall[0] == HALF_SPACE:

@@ -12,10 +12,10 @@ RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
 _GAIN = 0.05  # fraction of a stamp's residual by which the expected stamps are moved
 _DOUBT = 0.2  # of a period by which a state must be later than half of one to be two cycles
 _EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
-# A state was a stray that took the cycle of the next one if its stamp was early by so much (more:
-_STRAY = (0.25, 0.7)  # [periods] the clock was set back), the next one is as near to
-_NEAR = 0.15  # [periods] where that cycle is expected,
-_STEADY_STATES = 10  # and so many states before were less early or late: stamps do not jitter
+# A stray takes the cycle of the state after it. Only stamps that do not jitter show one.
+_STRAY = (0.25, 0.7)  # [periods] by which it is early; if by more, the clock was set back
+_NEAR = 0.15  # [periods] from where its cycle was expected, at which the state after it comes
+_STEADY_STATES = 10  # before it, none of which was as early or late
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _GAP = 0.15  # [s] without a state, in which this process may have slept

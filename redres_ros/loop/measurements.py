@@ -67,8 +67,8 @@ class Measurements:
     def enter(
         self, name: str, stamp: Nanoseconds, value: np.ndarray, time_of_day: Nanoseconds = 0
     ) -> None:
-        """Record a value (k,) that a preference or limit uses by this name; as enter_wrench().
-        Raises ArrayError for values that are not finite.
+        """Record a value (k,) that a preference or limit uses by this name; as enter_wrench(). A
+        value that is not finite raises ArrayError.
         """
         self._check_age(name, stamp, time_of_day)
         check_finite(value, name)

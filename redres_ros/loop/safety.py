@@ -203,7 +203,7 @@ class ProgressMonitor:
         self.active_limits: Callable[[], str] = str  # that acted last, in words
 
     def redirect(self, t: Seconds, left: Seconds, tip: np.ndarray, *, is_reached: bool) -> None:
-        """A new path, at t: begin anew if it ends here, or has gone on with the tip (in metres)."""
+        """Follow another path at its time t; anew if it is over, or time and tip [m] went on."""
         has_moved = np.linalg.norm(tip - self._tip) > (1.0 - _FRACTION) * self._error
         if is_reached or (abs(t - self._t) > _STEP and has_moved):
             self._t = t
