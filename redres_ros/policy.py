@@ -118,9 +118,8 @@ class Policy:
         if braking is not None:
             rows = slice(None)
             if components and (state.tick.correction is None or self.limits.yielding.weight > 0.0):
-                first = self._first_component(_asked(free.desired, state), state)
                 # A held orientation gives way; a held position must not pull the arm past its end.
-                rows = first if first.start == 0 else rows
+                rows = self._first_component(_asked(free.desired, state), state)
             free, level = brake_before_end(
                 free, level, self.task, state, braking.A, braking.reach, rows
             )
@@ -195,13 +194,9 @@ class Policy:
         return self.task.components or (self.task.rows(state.model),)
 
     def _first_component(self, asked: TaskVelocity, state: RobotState) -> slice:
-        """The rows of the first component of the task that is asked for; all if none is."""
-        begin = 0
-        for size in self._components(state):
-            if asked[begin : begin + size].any():
-                return slice(begin, begin + size)
-            begin += size
-        return slice(None)
+        """The rows of the task's first component, if it is asked for; else all."""
+        size = self._components(state)[0]
+        return slice(size) if asked[:size].any() else slice(None)
 
     def _unlocked(
         self,

@@ -188,8 +188,7 @@ class DistanceLimit(BrakingLimit):
         # How far any point may move, at most, if the joints brake after this tick.
         paths = (np.abs(state.dq_prev) + 2.0 * self.A * T) ** 2 / (2.0 * self.A)
         farthest = gap * float(levers.dot(paths))
-        reach = max(self.influence, self.clearance + farthest) + farthest
-        C, at_half, who = self.approaches(state.q + half, reach)
+        C, at_half, who = self.approaches(state.q + half, self.influence + farthest)
         distance = at_half + C.dot(half)
         rate = self.scale / _TIME
         high = rate * (distance - self.clearance)
