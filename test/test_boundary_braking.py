@@ -13,12 +13,16 @@ NEAR = 0.02
 LIMIT = np.array(ARMS['lwr4'].acceleration_limit)  # [rad/s^2]
 
 
-def bent(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """J (3, 7), dJ (7, 3, 7) and the way outward (3,), for the elbow's angle [rad]."""
-    q = np.array((0.3, 0.6, 0.0, angle, 0.0, -angle / 3.0, 0.0))
-    state = MODEL.state(q, np.zeros(7))
-    x, _ = MODEL.tip(q)
+def posture(*q: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """J (3, 7), dJ (7, 3, 7) and the way outward (3,)."""
+    state = MODEL.state(np.array(q), np.zeros(7))
+    x, _ = MODEL.tip(state.q)
     return state.jacobian('')[:3], state.jacobian_derivatives('')[:, :3], x / np.linalg.norm(x)
+
+
+def bent(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same for the elbow's angle [rad]."""
+    return posture(0.3, 0.6, 0.0, angle, 0.0, -angle / 3.0, 0.0)
 
 
 def test_a_task_is_far_only_where_all_singular_values_are():
@@ -63,6 +67,13 @@ def test_inward_sideways_and_far_off_there_is_no_end():
     assert end_of_reach(J, dJ, sideways, LIMIT, NEAR) is None
     J, dJ, outward = bent(1.0)
     assert end_of_reach(J, dJ, outward, LIMIT, NEAR) is None
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_where_a_self_motion_leads_on_there_is_no_end(side):
+    J, dJ, _ = posture(0.0, 0.005, 1.57, -1.5, 0.0, 0.0, 0.0)
+    across = np.linalg.svd(J)[0][:, -1]
+    assert end_of_reach(J, dJ, side * across, LIMIT, NEAR) is None
 
 
 def test_an_arm_that_swings_at_the_end_without_the_gain_rests_once_nothing_leads_it_outwards():

@@ -7,7 +7,6 @@ from scipy.optimize import linprog
 from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, weight
 
 from redres_ros import Controller, RobotModel
-from redres_ros.errors import UnknownNameError
 from redres_ros.geometry import rotation_matrix
 from redres_ros.kernels.active_set import DIRECTION_TOLERANCE, SPREAD
 from redres_ros.kernels.tick import rotation_error
@@ -258,8 +257,3 @@ def test_what_resists_is_a_limit_and_not_what_keeps_the_direction():
     for _ in range(100):
         command = controller.update(FR3.arm.start, np.array((2.5, 1.0, 0.0, 4.0, 2.0, 3.0)))
         assert command.active_limits.startswith('fr3_joint')
-
-
-def test_an_unknown_scaling_is_refused(model):
-    with pytest.raises(UnknownNameError, match='components, task'):
-        Controller(model, 'minimum_velocity', T, scaling='component')

@@ -164,6 +164,7 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
         ({'switch_time': -0.1}, 'switch_time is -0.1; allowed: 0 to 60'),
         ({'integrate_from': 'hope'}, "unknown integrate_from 'hope'; allowed: command, measure"),
         ({'robot_interface': 'tcp'}, "unknown robot_interface 'tcp'"),
+        ({'scaling': 'component'}, "unknown scaling 'component'.*; allowed: components, task"),
         ({'limits': None}, 'limits is None; expected a list'),
         ({'preferences': 5}, 'preferences is 5; expected a list'),
         ({'limit_gains': None}, 'gains is None; expected a mapping'),

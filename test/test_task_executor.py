@@ -12,14 +12,16 @@ from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.loop.safety import ProgressMonitor
 from redres_ros.planning.goals import Goal, Goals, GoalSettings
 from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.planner import Planner
 from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
+from redres_ros.planning.unachieved import UnachievedVelocity
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 TASK = load_task('rectangle')
 HOME = TASK.waypoints[0]
-GOALS = Goals(RobotModel.named('lwr4_paper'), TASK, GoalSettings(), 'position')
+MODEL = RobotModel.named('lwr4_paper')
+GOALS = Goals(MODEL, TASK, GoalSettings(), 'position')
 THE_TASK = Goal(make_planner=lambda x, R: Planner(TASK, x), goes_on=True, patience=None)
 
 
@@ -60,16 +62,6 @@ def under_way(goal: Goal = THE_TASK) -> Arm:
     return arm
 
 
-def reference(step: Step | None) -> Reference:
-    assert step is not None and step.reference is not None
-    return step.reference
-
-
-def dq(step: Step | None) -> np.ndarray:
-    assert step is not None and step.dq is not None
-    return step.dq
-
-
 def waits(step: Step | None) -> bool:
     """Whether the controller is asked for zero velocity."""
     return step is not None and step.dx is not None and not (step.dx.any() or step.reference)
@@ -83,14 +75,14 @@ def test_the_task_begins_when_the_controller_follows_and_not_before() -> None:
         assert arm.run.state is TaskState.WAITING
     step = arm.tick(1.0)
     assert arm.run.start_stamp == arm.cycle * NS
-    assert np.linalg.norm(reference(step).dx) < 1e-3
+    assert np.linalg.norm(step.reference.dx) < 1e-3
 
 
 def test_in_lock_step_it_begins_with_the_first_state_also_with_one_that_came_before() -> None:
     arm = Arm(lockstep=True)
     assert arm.tick(None) is None
     arm.run.begin(THE_TASK)
-    assert reference(arm.enter()).segment == 1
+    assert arm.enter().reference.segment == 1
 
 
 def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
@@ -107,13 +99,25 @@ def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
     assert arm.go(500) is None
 
 
+def test_a_point_that_an_upright_arm_cannot_come_down_to_does_not_keep_the_task() -> None:
+    arm = Arm()
+    arm.q = np.zeros(7)
+    arm.run = TaskExecutor(T, unachieved=UnachievedVelocity(MODEL, 'position', T, 0.05))
+    arm.run.begin(THE_TASK)
+    for _ in range(1600):
+        step = arm.tick(1.0)
+        if step and step.reference:
+            arm.x = step.reference.x_d + np.array((0.0, 0.0, 0.02))
+    assert step.reference.segment == 2
+
+
 def test_stop_asks_for_nothing_and_begin_begins_again() -> None:
     arm = under_way()
     arm.run.stop()
     assert arm.tick(1.0) is None
     assert arm.run.state is TaskState.IDLE
     arm.run.begin(THE_TASK)
-    assert reference(arm.tick(1.0)).segment == 0  # from where the arm is
+    assert arm.tick(1.0).reference.segment == 0  # from where the arm is
     assert arm.run.start_stamp == arm.cycle * NS
 
 
@@ -124,7 +128,7 @@ def test_a_state_out_of_order_changes_nothing() -> None:
     with pytest.raises(ClockError):
         arm.enter()
     arm.cycle += 1
-    assert np.linalg.norm(reference(arm.tick(1.0)).error) < 1e-3
+    assert np.linalg.norm(arm.tick(1.0).reference.error) < 1e-3
     assert arm.run.start_stamp == start
 
 
@@ -140,14 +144,12 @@ def test_with_a_robot_that_starts_again_from_elsewhere_the_task_begins_anew() ->
     arm.cycle += 50_000
     arm.x = HOME + 0.1
     assert waits(arm.tick(None))
-    assert reference(arm.tick(1.0)).segment == 0
+    assert arm.tick(1.0).reference.segment == 0
     assert arm.run.start_stamp != start
 
 
 @pytest.mark.parametrize(('cycles', 'goes_on'), [(-600, False), (-100, True)])
-def test_only_a_clock_that_is_set_by_no_more_than_a_second_ends_no_goal(
-    cycles: int, goes_on: bool
-) -> None:
+def test_only_a_clock_that_is_set_by_no_more_than_a_second_ends_no_goal(cycles, goes_on):
     arm = under_way(replace(THE_TASK, patience=2.0))
     arm.set_by = cycles
     with pytest.raises(ClockError, match='a second state like it'):
@@ -157,9 +159,7 @@ def test_only_a_clock_that_is_set_by_no_more_than_a_second_ends_no_goal(
 
 
 @pytest.mark.parametrize('scaling', [None, 0.0])
-def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_where_it_was(
-    scaling: float | None,
-) -> None:
+def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_where_it_was(scaling):
     arm = under_way()
     arm.run.mode = 'moving' if scaling is None else 'holding'
     start = arm.run.start_stamp
@@ -167,7 +167,7 @@ def test_a_hold_or_a_silent_controller_stops_the_clock_and_the_task_goes_on_wher
     assert arm.run.state is TaskState.WAITING
     arm.tick(1.0)
     assert arm.run.clock.speed.fraction == 0.0  # from rest
-    assert np.linalg.norm(reference(arm.go(300)).error) < 0.02
+    assert np.linalg.norm(arm.go(300).reference.error) < 0.02
     assert arm.run.start_stamp == start
     arm.go(4000)
     assert arm.run.state is TaskState.FINISHED
@@ -187,7 +187,7 @@ def test_an_arm_that_is_elsewhere_after_a_stop_begins_anew() -> None:
     arm.go(200, 0.0)
     start = arm.run.start_stamp
     arm.x = arm.x + 0.1
-    assert reference(arm.tick(1.0)).segment == 0
+    assert arm.tick(1.0).reference.segment == 0
     assert arm.run.start_stamp > start
 
 
@@ -195,7 +195,7 @@ def test_a_tip_that_is_pushed_off_its_path_in_motion_goes_back_to_it() -> None:
     arm = under_way()
     start = arm.run.start_stamp
     arm.x = arm.x + 0.1
-    assert reference(arm.tick(1.0)).segment == 1
+    assert arm.tick(1.0).reference.segment == 1
     assert arm.run.start_stamp == start
 
 
@@ -219,9 +219,8 @@ def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
 def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     R = rotation_matrix(np.array((0.0, 0.0, 3.0)))
     x = HOME + np.array((0.0, 0.1, 0.0))
-    model = RobotModel.named('lwr4_paper')
     for task_space, size in (('pose', 0.3), ('position', 0.1)):
-        goals = Goals(model, TASK, GoalSettings(target_speed=0.2), task_space)
+        goals = Goals(MODEL, TASK, GoalSettings(target_speed=0.2), task_space)
         make_planner = goals.target(x, R).make_planner
         assert make_planner is not None
         planner = make_planner(HOME, np.eye(3))
@@ -292,7 +291,7 @@ def on_the_way_home(*, then: bool = True) -> Arm:
     arm.go(2)
     arm.run.begin(homing(then=then))
     for _ in range(500):
-        arm.q = arm.q + T * dq(arm.tick(1.0))
+        arm.q = arm.q + T * arm.tick(1.0).dq
     assert arm.run.state is TaskState.HOMING
     return arm
 
@@ -320,10 +319,10 @@ def test_joints_go_to_the_start_and_then_the_task_begins_or_nothing(then: bool) 
 
 def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:
     arm = on_the_way_home(then=False)
-    before = dq(arm.tick(1.0))
+    before = arm.tick(1.0).dq
     arm.q = arm.q + T * before
     arm.run.begin(homing())
-    after = dq(arm.tick(1.0))
+    after = arm.tick(1.0).dq
     assert np.abs(after - before).max() < 2.0 * T  # twice what A = 1 rad/s^2 allows in a cycle
     arm.go(200, 0.0)
     assert arm.run.running  # it has begun, and waits to go on
@@ -333,10 +332,10 @@ def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:
 
 def test_after_a_hold_on_the_way_home_it_begins_anew_from_where_the_joints_are() -> None:
     arm = on_the_way_home()
-    assert not dq(arm.go(200, 0.0)).any()
+    assert not arm.go(200, 0.0).dq.any()
     assert arm.run.state is TaskState.WAITING
     arm.q = TASK.start + 0.3
-    assert np.abs(dq(arm.tick(1.0))).max() < 0.01
+    assert np.abs(arm.tick(1.0).dq).max() < 0.01
     go_home(arm)
     assert arm.run.state is TaskState.MOVING
 
@@ -350,9 +349,7 @@ def test_after_a_hold_on_the_way_home_it_begins_anew_from_where_the_joints_are()
         ((2.0, 0.0), (0.1, 0.9), True),  # an error says nothing before the time is over
     ],
 )
-def test_progress_is_time_and_afterwards_a_smaller_error_or_the_next_segment(
-    left: tuple[float, float], error: tuple[float, float], is_stuck: bool
-) -> None:
+def test_progress_is_time_and_then_a_smaller_error_or_the_next_segment(left, error, is_stuck):
     monitor = ProgressMonitor()
     for second in range(20):
         place = (left[0] + left[1] * second, error[0] * error[1] ** second)
