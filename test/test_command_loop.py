@@ -541,13 +541,14 @@ def test_velocities_that_a_limit_scales_to_nothing_are_reported_with_it() -> Non
     robot = limited()
     robot.q = RobotModel.named('lwr4_paper').q_max - 0.1
     dq = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.8))
-    for seconds in (3.0, 3.0):
-        for _ in range(round(0.5 / T)):  # a pause is no progress
+    reported = 'no progress for 5 s: lwr_a6_joint: position'
+    for pause, seconds, warning in ((0.5, 3.0, ''), (0.5, 3.0, reported), (2.1, 0.5, '')):
+        for _ in range(round(pause / T)):
             robot.ask()
         for _ in range(round(seconds / T)):
             robot.ask()
             robot.take(robot.following.enter_velocity(0, dq, robot.now, of_joints=True))
-    assert 'no progress for 5 s: lwr_a6_joint: position' in robot.following.warning
+        assert robot.following.warning.partition(';')[0] == warning
 
 
 def test_null_space_motion_without_end_is_brought_to_rest_and_reported_until_the_next() -> None:

@@ -146,14 +146,32 @@ def test_a_callers_array_is_neither_kept_nor_handed_out(model, task):
     np.testing.assert_array_equal(controller.reference, task.start)
 
 
-def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
-    controller = controller_of(model)
+@pytest.mark.parametrize(('limits', 'dx'), [((), DX), (('acceleration',), 0.0 * DX)])
+def test_after_reset_it_starts_from_the_measurement_at_rest(model, task, limits, dx):
+    controller = controller_of(model, limits=limits)
+    controller.reset()
     for _ in range(10):
-        controller.update(task.start, DX)
+        controller.update(task.start, dx)
     controller.reset()
     elsewhere = task.start + 0.1
     command = controller.update(elsewhere, DX)
-    assert (command.q_ref == controller_of(model).update(elsewhere, DX).q_ref).all()
+    fresh = controller_of(model, limits=limits)
+    assert (command.q_ref == fresh.update(elsewhere, DX).q_ref).all()
+
+
+def test_a_reset_in_motion_brakes_first_if_accelerations_are_limited(model, task):
+    controller = controller_of(model, limits=('acceleration',))
+    q = task.start
+    fastest = []
+    for tick in range(100):
+        if tick == 50:
+            controller.reset()
+        command = controller.update(q, DX)
+        q = command.q_ref
+        fastest.append(np.abs(command.dq).max())
+        assert (np.abs(command.ddq) <= np.array(model.arm.acceleration_limit) * (1.0 + 1e-9)).all()
+    assert min(fastest[50:]) == 0.0
+    assert fastest[-1] > 0.5 * fastest[49]
 
 
 @pytest.mark.parametrize(

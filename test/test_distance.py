@@ -187,15 +187,17 @@ def test_rows_are_the_speeds_at_which_distances_become_smaller(arm, kind):
     assert np.quantile(off, 0.99) < 1e-6
 
 
+def joints_on_path(limit: DistanceLimit, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """Where joints are, (ticks, n) [rad], that move by dq and then brake."""
+    steps = T * limit.A
+    ticks = np.arange(2.0 + (np.abs(dq) / steps).max())[:, None]
+    return q + T * np.cumsum(np.sign(dq) * np.maximum(np.abs(dq) - steps * ticks, 0.0), axis=0)
+
+
 def least_of_every_tick(limit: DistanceLimit, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """The least distance of each pair on the path of joints that move by dq and then brake."""
-    q = q + T * dq
-    found = [limit.approaches(q, FARTHEST)]
-    while dq.any():
-        dq = braked(limit, dq)
-        q = q + T * dq
-        found.append(limit.approaches(q, FARTHEST))
-    return np.min([distance for _, distance, _ in found], axis=0)
+    path = joints_on_path(limit, q, dq)
+    return np.min([limit.approaches(at, FARTHEST)[1] for at in path], axis=0)
 
 
 def braked(limit: DistanceLimit, dq: np.ndarray) -> np.ndarray:
@@ -232,18 +234,16 @@ def test_a_wall_that_a_braking_arm_passes_is_seen_from_afar_and_also_if_it_is_le
         q = middle_of(model) + random.uniform(-0.5, 0.5, model.n)
         dq = random.uniform(-1.0, 1.0, model.n)
         limit = walled(model, scale=0.2)
-        tips = [model.tip(q)[0]]
-        at, v = q, dq
-        while v.any():
-            v = braked(limit, v)
-            at = at + T * v
-            tips.append(model.tip(at)[0])
+        faster = dq + T * limit.A * np.sign(dq)
+        *path, rest = joints_on_path(limit, q, braked(limit, dq))
+        tips = np.array([model.tip(at)[0] for at in (q, *path[::4], rest)])
+        end, _ = model.tip(joints_on_path(limit, q, faster)[-1])
         chord = (tips[-1] - tips[0]) / np.linalg.norm(tips[-1] - tips[0])
         bulge = tips[len(tips) // 2] - tips[0]
         normal = bulge - (bulge @ chord) * chord
         normal /= np.linalg.norm(normal)
         for n in (normal, chord):
-            heights = np.array(tips) @ n
+            heights = tips @ n
             wall = heights.max() - 1e-3  # [m]
             is_bulge = n is normal and wall > max(heights[0], heights[-1]) + 1e-3
             is_far = n is chord and wall > heights[0] + limit.influence
@@ -253,6 +253,10 @@ def test_a_wall_that_a_braking_arm_passes_is_seen_from_afar_and_also_if_it_is_le
             hit = walled(model, scale=0.2, half_space=(*n, wall))
             C, _, high = hit.rows(model.state(q, dq), T)
             assert (C @ braked(hit, dq) > high).any()
+        beside = walled(model, scale=0.2, half_space=(*chord, (tips[-1] + end) @ chord / 2.0))
+        if end @ chord > heights.max():
+            C, _, high = beside.rows(model.state(q, dq), T)
+            assert (C @ faster > high).any()
     assert (passed > (5, 0)).all()
 
 
