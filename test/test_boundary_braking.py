@@ -44,7 +44,6 @@ def test_towards_the_end_the_joints_could_keep_the_speed_that_is_left(angle):
     fade = 2.0 * s[-1] / (NEAR * s[0]) - 1.0
     assert 0.1 < fade < 1.0
     end = end_of_reach(J, dJ, outward, LIMIT, NEAR)
-    assert end is not None
     (u,) = end.ended
     dq = np.linalg.pinv(J) @ (end.most[0] * np.sign(u @ outward) * u)
     ddq = -np.linalg.pinv(J) @ (np.einsum('icj,i->cj', dJ, dq) @ dq)  # at a constant tip speed
@@ -55,9 +54,7 @@ def test_towards_the_end_the_joints_could_keep_the_speed_that_is_left(angle):
 
 def test_the_arm_comes_to_rest_before_the_end():
     J, dJ, outward = bent(0.02)
-    end = end_of_reach(J, dJ, 1e-6 * outward, LIMIT, NEAR)
-    assert end is not None
-    assert end.most == [0.0]
+    assert end_of_reach(J, dJ, 1e-6 * outward, LIMIT, NEAR).most == [0.0]
 
 
 def test_inward_sideways_and_far_off_there_is_no_end():

@@ -159,21 +159,6 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task, limits,
     assert (command.q_ref == fresh.update(elsewhere, DX).q_ref).all()
 
 
-def test_a_reset_in_motion_brakes_first_if_accelerations_are_limited(model, task):
-    controller = controller_of(model, limits=('acceleration',))
-    q = task.start
-    fastest = []
-    for tick in range(100):
-        if tick == 50:
-            controller.reset()
-        command = controller.update(q, DX)
-        q = command.q_ref
-        fastest.append(np.abs(command.dq).max())
-        assert (np.abs(command.ddq) <= np.array(model.arm.acceleration_limit) * (1.0 + 1e-9)).all()
-    assert min(fastest[50:]) == 0.0
-    assert fastest[-1] > 0.5 * fastest[49]
-
-
 @pytest.mark.parametrize(
     ('options', 'words'),
     [

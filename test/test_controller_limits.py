@@ -82,6 +82,18 @@ def test_limits_are_taken_off_without_a_jump(model, task, limits):
     assert command.s == 1.0
 
 
+def test_a_reset_in_motion_brakes_first(model, task):
+    controller, q = underway(model, task, limits=BOX)
+    controller.reset()
+    stood = False
+    for _ in range(50):
+        command = controller.update(q, DX)
+        q = command.q_ref
+        stood |= not command.dq.any()
+        assert (np.abs(command.ddq) <= acceleration_limit(model) * (1.0 + ROUNDING)).all()
+    assert stood and command.dq.any()
+
+
 @pytest.mark.parametrize('law', ['minimum_acceleration', 'minimum_velocity'])
 @pytest.mark.parametrize('before', [(), BOX])
 @pytest.mark.parametrize('switch_time', [0.5, 2.0])  # of a start that is over, or under way

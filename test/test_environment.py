@@ -75,7 +75,6 @@ def test_efforts_and_external_torques_explain_the_motion() -> None:
     moved(plant, (0.001, 0.0, 0.0))
     state = MODEL.state(plant.q, np.zeros(MODEL.n))
     # n = tau + tau_ext at rest; 1e-6 Nm is what the servos still move
-    assert plant.effort is not None
     assert plant.effort + plant.external_torques == pytest.approx(state.n, abs=1e-6)
 
 

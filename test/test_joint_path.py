@@ -77,7 +77,6 @@ def test_a_joint_of_several_turns_goes_the_shortest_way_within_its_range() -> No
     q = home.copy()
     q[:5:2] += TURN - 0.5
     path = path_to(model, q, home)
-    assert path is not None
     # Joints 3 and 5 have their home in the middle, so a turn from there is where the range ends.
     turns = (path.reference(q, path.duration).q_d - home) / TURN
     assert turns == pytest.approx((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), abs=1e-9)

@@ -222,7 +222,6 @@ def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     for task_space, size in (('pose', 0.3), ('position', 0.1)):
         goals = Goals(MODEL, TASK, GoalSettings(target_speed=0.2), task_space)
         make_planner = goals.target(x, R).make_planner
-        assert make_planner is not None
         planner = make_planner(HOME, np.eye(3))
         assert planner.time_left(0.0) == pytest.approx(15.0 / 8.0 * size / 0.2)
 
