@@ -126,15 +126,6 @@ FAULTS = [  # what is seen, subject of the fault, words in it
     (good(words={REASON: 'protective stop'}), 'session', 'stopped: protective stop'),
 ]
 
-
-@pytest.mark.parametrize(('seen', 'subject', 'words'), FAULTS)
-def test_what_is_missing_is_a_fault_with_a_remedy(
-    seen: GraphSnapshot, subject: str, words: str
-) -> None:
-    found = [(f.subject, f.text) for f in judge(seen, None) if f.level == FAULT]
-    assert any(subject == about and words in text for about, text in found), found
-
-
 NOTES = [
     (controlled(limit_scale=1.0), 'controller', 'limit_scale is 1'),
     (good(problem='joint_states refused: late'), 'controller', 'reports: joint_states refused'),
@@ -143,15 +134,17 @@ NOTES = [
     (good(words={SESSION: 'MON'}), 'session', 'takes no commands yet: MON'),
 ]
 
+JUDGED = [*((FAULT, *each) for each in FAULTS), *((NOTE, *each) for each in NOTES)]
 
-@pytest.mark.parametrize(('seen', 'subject', 'words'), NOTES)
-def test_what_one_should_know_is_a_note_and_no_fault(
-    seen: GraphSnapshot, subject: str, words: str
+
+@pytest.mark.parametrize(('level', 'seen', 'subject', 'words'), JUDGED)
+def test_what_is_missing_is_a_fault_with_a_remedy_and_what_one_should_know_a_note(
+    level: str, seen: GraphSnapshot, subject: str, words: str
 ) -> None:
     verdicts = judge(seen, None)
-    assert FAULT not in {verdict.level for verdict in verdicts}
-    notes = [verdict for verdict in verdicts if verdict.level == NOTE]
-    assert any(verdict.subject == subject and words in verdict.text for verdict in notes)
+    assert level == FAULT or FAULT not in {verdict.level for verdict in verdicts}
+    found = [(verdict.subject, verdict.text) for verdict in verdicts if verdict.level == level]
+    assert any(subject == about and words in text for about, text in found), found
 
 
 def test_states_of_a_second_broadcaster_without_joints_of_the_arm_are_not_counted() -> None:

@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, one_line
 from redres_ros.geometry import from_quaternion, to_quaternion
@@ -51,9 +52,7 @@ def to_joint_state(
 
 def to_twist(stamp: Nanoseconds, frame: str, dx: TaskVelocity) -> TwistStamped:
     """A task velocity of 3 or 6 rows in the axes of a frame, as a message."""
-    message = TwistStamped()
-    message.header.stamp = to_time(stamp)
-    message.header.frame_id = frame
+    message = TwistStamped(header=Header(stamp=to_time(stamp), frame_id=frame))
     linear = message.twist.linear
     angular = message.twist.angular
     linear.x, linear.y, linear.z = dx[:3].tolist()
@@ -145,9 +144,7 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[Position, 
 
 def to_pose(stamp: Nanoseconds, frame: str, x: Position, R: Rotation) -> PoseStamped:
     """A pose as a message, with a unit quaternion."""
-    message = PoseStamped()
-    message.header.stamp = to_time(stamp)
-    message.header.frame_id = frame
+    message = PoseStamped(header=Header(stamp=to_time(stamp), frame_id=frame))
     message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
     orientation = message.pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = to_quaternion(R).tolist()
@@ -156,9 +153,7 @@ def to_pose(stamp: Nanoseconds, frame: str, x: Position, R: Rotation) -> PoseSta
 
 def to_path(stamp: Nanoseconds, frame: str, preview: Preview) -> Path:
     """The path to come after a state, a stamp on the robot's clock for each pose."""
-    message = Path()
-    message.header.stamp = to_time(stamp)
-    message.header.frame_id = frame
+    message = Path(header=Header(stamp=to_time(stamp), frame_id=frame))
     rotations = preview.rotations.reshape(-1, 3, 3)
     for k, (seconds, x) in enumerate(zip(preview.times, preview.positions, strict=True)):
         R = rotations[k] if len(rotations) else _UNTURNED

@@ -1,6 +1,8 @@
 """The executables. Each loads its nodes in here: help needs no ROS, and Ctrl-C ends it quietly."""
 
 import gc
+import os
+import signal
 import sys
 from functools import partial
 from itertools import takewhile
@@ -8,6 +10,7 @@ from pkgutil import resolve_name
 
 from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.installation import not_installed
+from redres_ros.files.processes import handled
 
 _ROS = '--ros-args'
 _NO_SIM = '--no-sim'
@@ -38,9 +41,10 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
             print(f'redres_{name}: got {own[0]!r}; {remedy}', file=sys.stderr)
             return 2
         gc.disable()  # to look through what is being loaded takes a tenth of the start
-        from redres_ros.nodes.runtime import run_nodes
+        with handled(lambda *_: os._exit(130), signal.SIGINT):  # modules in C swallow an exception
+            from redres_ros.nodes.runtime import run_nodes
 
-        makes = list(map(resolve_name, nodes))
+            makes = list(map(resolve_name, nodes))
         gc.freeze()
         gc.enable()
         return run_nodes(*makes, arguments=arguments)
