@@ -251,6 +251,16 @@ def test_the_tip_slides_before_an_orientation_that_is_only_held_gives_way():
     assert np.linalg.norm(rotation_error(R, begin)) < np.radians(1.0)
 
 
+@pytest.mark.parametrize(('scaling', 'executed'), [('task', 0.0), ('components', 0.11)])
+def test_at_a_singularity_a_translation_is_not_locked_by_the_turn_with_it(scaling, executed):
+    model = RobotModel.named('lwr4')
+    controller = Controller(model, 'minimum_velocity', T, task='pose', scaling=scaling)
+    q = np.array((0.0, 0.0, 0.0, -1.2, 0.0, 0.0, 0.0))
+    for _ in range(300):
+        command = controller.update(q, np.array((0.0, 0.11, 0.0, 0.013, 0.0, 0.034)))
+    assert (command.J @ command.dq)[1] == pytest.approx(executed, abs=1e-3)
+
+
 def test_what_resists_is_a_limit_and_not_what_keeps_the_direction():
     settings = {'task': 'pose', 'limits': BOX, 'scaling': 'components'}
     controller = Controller(FR3, 'minimum_velocity', T, **settings)

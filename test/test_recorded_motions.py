@@ -26,6 +26,7 @@ from redres_ros.planning.unachieved import UnachievedVelocity
 
 RECORDED = Path(__file__).with_name('recorded_motions.csv')
 JOINTS = ('position', 'velocity', 'acceleration')
+BRAKING = {'limit_gains': {'acceleration.reach': 0.02}}
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 TICKS = 2500
@@ -35,15 +36,15 @@ SAME = 1e-6  # [rad], [m]; a start 1e-12 rad away leads to at most 2e-8
 # Seed, arm, interface, the sources of velocities, and options of the controller. With these seeds
 # the arm moves for long, and last bits of its start count for little, also under a limit on jerk.
 SCENES: dict[str, tuple[int, str, str, str, dict[str, Any]]] = {
-    'hand': (17, 'fr3', 'fri', 'hand', {'task': 'pose', 'limits': JOINTS}),
-    'path': (10, 'lwr4', 'ros2_control', 'path hand', {'limits': JOINTS}),
+    'hand': (8, 'fr3', 'fri', 'hand', {'task': 'pose', 'limits': JOINTS}),
+    'path': (5, 'lwr4', 'ros2_control', 'path hand', {'limits': JOINTS}),
     'jerk': (8, 'iiwa7', 'fci', 'hand path joints', {'limits': (*JOINTS, 'jerk')}),
-    'push': (8, 'lwr4', 'fri', 'push path', {'limits': JOINTS, 'preferences': ('posture',)}),
-    'lean': (10, 'fr3', 'ros2_control', 'push hand', {'task': 'pose', 'limits': JOINTS}),
-    'wall': (16, 'fr3', 'fri', 'hand path', {'limits': (*JOINTS, 'workspace', 'collision')}),
-    'torque': (8, 'lwr4', 'fri', 'path joints', {'limits': (*JOINTS, 'torque')}),
-    'reach': (10, 'fr3', 'ros2_control', 'hand', {'task': 'pose', 'limits': JOINTS}),
-    'free': (9, 'gen3', 'ros2_control', 'hand path joints', {'secondary_tasks': ('orientation',)}),
+    'push': (13, 'lwr4', 'fri', 'push path', {'limits': JOINTS, 'preferences': ('posture',)}),
+    'lean': (1, 'fr3', 'ros2_control', 'push hand', {'task': 'pose', 'limits': JOINTS}),
+    'wall': (1, 'fr3', 'fri', 'hand path', {'limits': (*JOINTS, 'workspace', 'collision')}),
+    'torque': (3, 'lwr4', 'fri', 'path joints', {'limits': (*JOINTS, 'torque')}),
+    'reach': (14, 'lwr4', 'ros2_control', 'hand', {'task': 'pose', 'limits': JOINTS, **BRAKING}),
+    'free': (4, 'gen3', 'ros2_control', 'hand path joints', {'secondary_tasks': ('orientation',)}),
 }
 NAMES = (*SCENES, 'goals', 'goals of poses', 'goals at length')
 LAWS = (
@@ -64,6 +65,7 @@ class Scene:
         options = {'switch_time': 0.1, **options}
         self.controller = Controller(self.model, LAWS[1], T, robot_interface=interface, **options)
         self.rows = self.controller.m
+        self.gains = options.get('limit_gains', {})
         damping = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)[: self.rows]
         still = (0.0,) * self.rows
         stiffness = (0.0, 500.0, 0.0, 0.0, 0.0, 5.0)[: self.rows]
@@ -169,12 +171,15 @@ class Scene:
             self.moved = self.vector(0.03, self.model.n) * self.random.choice((0.0, 0.1, 1.0, 9.0))
         if self.happens(200) and self.controller.policy.limits is not None:
             names = self.controller.policy.limits.names.values()
-            self.controller.set_limits(names, limit_scale=self.random.choice((0.3, 0.6, 1.0)))
+            scale = self.random.choice((0.3, 0.6, 1.0))
+            self.controller.set_limits(names, limit_scale=scale, limit_gains=self.gains)
         if self.happens(300):
             self.controller.switch_law(self.random.choice(LAWS))
-        if self.happens(800):
+        if self.happens(150):
             with contextlib.suppress(RedresError):
                 loop.tare()
+        if self.happens(1500):
+            loop.forget()
 
 
 def goals_one_after_the_other(name: str) -> list[list[float]]:

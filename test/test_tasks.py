@@ -134,7 +134,7 @@ def test_orientations_and_times_that_leave_something_open_are_refused(tmp_path, 
 
 def test_a_table_is_a_task_that_starts_at_its_first_pose(tmp_path):
     path = tmp_path / 'path.csv'
-    path.write_text('# t,x,y,z,qx,qy,qz,qw\n1e9,.4,0,.5,1,0,0,0\n1000000001.5,.4,.1,.5,1,0,0,0')
+    path.write_text('# t,x,y,z,qx,qy,qz,qw\n1e9,.5,-.5,.2,1,0,0,0\n1000000001.5,.5,-.4,.2,1,0,0,0')
     model = RobotModel.named('fr3')
     task = task_for(model.arm, 'fr3', str(path))
     assert task.times.tolist() == [0.0, 1.5]

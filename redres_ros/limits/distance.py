@@ -30,7 +30,7 @@ _OWN_WEIGHT = 1e-3
 
 # Of the path of a braking arm: how often it is looked at, and the most places that get rows
 _LOOKS = 16
-_MOST_PLACES = 5
+_MOST_PLACES = 7
 
 _POSTURES = 3  # random ones, in which a pair that a joint may bring nearer shows that
 
@@ -216,7 +216,7 @@ class DistanceLimit(BrakingLimit):
         least, ticks = self._least(state, rest.v, T, step, near)
         taken = [1.0, rest.ticks]
         for pair in np.argsort(least).tolist():
-            if least[pair] > near or len(taken) == 2 + _MOST_PLACES:
+            if least[pair] > near or len(taken) == _MOST_PLACES:
                 return
             if min(abs(ticks[pair] - each) for each in taken) > step:
                 taken.append(ticks[pair])
