@@ -64,9 +64,7 @@ def test_planner_and_controller_take_the_arm_that_is_published(path: Path, tmp_p
     assert any('no acceleration limits; assumed' in line for line in log_lines(tmp_path, 'planner'))
 
 
-def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_ended(
-    tmp_path: Path,
-) -> None:
+def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_ended(tmp_path):
     with nodes(tmp_path, controller={'robot': 'topic'}) as (_, processes):
         log = tmp_path / 'controller.log'
         await_that(lambda: 'waiting for a URDF on /robot_description' in log.read_text(), 'a line')

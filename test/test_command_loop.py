@@ -196,9 +196,7 @@ def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
 
 @pytest.mark.parametrize('of_joints', [False, True])
 @pytest.mark.parametrize('every', [1, 10])
-def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
-    every: int, of_joints: bool
-) -> None:
+def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(every, of_joints):
     """A planner, and 0.3 s later somebody with a joystick who wants to go the other way."""
     robot = limited(switch_time=0.0)
     following = robot.following
@@ -478,9 +476,7 @@ def test_a_robot_that_executes_nothing_is_noticed_within_50_ms_and_then_mirrored
 
 
 @pytest.mark.parametrize('jump', [10, -10])  # [s]
-def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the_arm_is(
-    jump: int,
-) -> None:
+def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the_arm_is(jump):
     robot = make()
     robot.follow(300)
     moving = robot.q
@@ -564,9 +560,7 @@ def test_null_space_motion_without_end_is_brought_to_rest_and_reported_until_the
 
 
 @pytest.mark.parametrize('ahead', [0.3, 5.0, -0.3, -5.0])
-def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_acts(
-    ahead: float,
-) -> None:
+def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_acts(ahead):
     robot = make(switch_time=0.0)
     robot.follow(1, lambda _: np.zeros(3))
     side = "ahead of the robot's clock" if ahead > 0.0 else "behind the robot's clock"

@@ -21,9 +21,7 @@ pytestmark = pytest.mark.slow
     ['fr3', *(pytest.param(arm, marks=pytest.mark.nightly) for arm in ('iiwa7', 'lwr4', 'gen3'))],
 )
 @pytest.mark.parametrize('presses', [True, pytest.param(False, marks=pytest.mark.nightly)])
-def test_the_elbow_gives_and_comes_back_while_the_tip_keeps_its_place(
-    arm: str, presses: bool
-) -> None:
+def test_the_elbow_gives_and_comes_back_while_the_tip_keeps_its_place(arm, presses):
     run = elbow_pushed(arm, presses=presses)
     assert run.elbow.max() >= 0.03
     if not presses:

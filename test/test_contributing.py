@@ -98,9 +98,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize('kind', recipes())
-def test_what_a_recipe_makes_passes_every_test_that_finds_it_and_runs(
-    kind: str, project: Path
-) -> None:
+def test_what_a_recipe_makes_passes_every_test_that_finds_it_and_runs(kind, project):
     *_, look = recipes()[kind]
     assert look.language == 'sh'
     assert ' passed' in run(look.code, project)

@@ -14,15 +14,9 @@ FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 LAW_NAMES = tuple(LAWS)
 
 
-def controller_of(
-    model: RobotModel, law: str = 'minimum_velocity', **options: object
-) -> Controller:
-    return Controller(model, make_law(law), T, **options)
-
-
 def test_torque_limits_are_kept_through_a_velocity(task):
     model = RobotModel.named('lwr4_paper')
-    controller = controller_of(model, limits=('torque',), torque_scale=0.7)
+    controller = Controller(model, 'minimum_velocity', T, limits=('torque',), torque_scale=0.7)
     q = task.start
     pushed = 0
     for _ in range(100):
@@ -35,7 +29,7 @@ def test_torque_limits_are_kept_through_a_velocity(task):
 
 def test_limits_look_from_the_reference_that_is_integrated(model, task):
     """A servo that hangs back must not make the reference run into the end of a joint."""
-    controller = controller_of(model, limits=BOX)
+    controller = Controller(model, 'minimum_velocity', T, limits=BOX)
     for _ in range(1500):
         command = controller.update(task.start, np.array((0.0, 0.0, -2.0)))
         assert (command.q_ref <= model.q_max).all()
@@ -46,7 +40,7 @@ def underway(
     model: RobotModel, task: WaypointTask, **options: object
 ) -> tuple[Controller, np.ndarray]:
     """A controller at speed, and where the arm is."""
-    controller = controller_of(model, 'minimum_acceleration', **options)
+    controller = Controller(model, 'minimum_acceleration', T, **options)
     q = task.start
     for _ in range(300):
         q = controller.update(q, 3.0 * DX).q_ref
@@ -112,7 +106,9 @@ def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(
 
 
 def test_gains_of_limits_are_set_with_them(model, task):
-    controller = controller_of(model, limits=BOX, limit_gains={'position.margin': 0.5})
+    controller = Controller(
+        model, 'minimum_velocity', T, limits=BOX, limit_gains={'position.margin': 0.5}
+    )
     q = np.where(np.arange(model.n) == 3, model.q_max - 0.5, 0.5 * task.start)
     controller.update(q, np.zeros(3))
     controller.set_limits(BOX, limit_gains={'position.margin': 0.6})
@@ -121,7 +117,7 @@ def test_gains_of_limits_are_set_with_them(model, task):
 
 
 def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
-    controller = controller_of(model, limits=BOX)
+    controller = Controller(model, 'minimum_velocity', T, limits=BOX)
     with pytest.raises(UnknownNameError, match="unknown limit 'patience'"):
         controller.set_limits(('patience',))
     assert controller.update(task.start, FAST).s < 1.0
@@ -130,7 +126,7 @@ def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
 @pytest.mark.parametrize('law', LAWS)
 def test_what_a_singularity_blocks_is_reported_throughout_a_start_and_a_switch(law, model):
     """Of the stretched arm, the way outward: all of dx is executed or reported."""
-    controller = controller_of(model, law, switch_time=0.02)
+    controller = Controller(model, law, T, switch_time=0.02)
     dx = np.array((0.1, 0.0, 0.05))
     fractions = []
     for tick in range(30):
@@ -147,7 +143,7 @@ def test_what_a_singularity_blocks_is_reported_throughout_a_start_and_a_switch(l
 
 def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
     """Least torque flings the stretched arm; the controller must not stay locked."""
-    controller = controller_of(model, 'minimum_torque')
+    controller = Controller(model, 'minimum_torque', T)
     q = np.zeros(7)
     q[3] = 1e-3
     dx = np.array((0.3, 0.1, 0.2))
@@ -170,7 +166,10 @@ def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
 
 
 def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothing(model, task):
-    controller, calm = controller_of(model), controller_of(model)
+    controller, calm = (
+        Controller(model, 'minimum_velocity', T),
+        Controller(model, 'minimum_velocity', T),
+    )
     for _ in range(3):
         with pytest.raises(DivergedError, match='allowed: up to 10000; the reason is dx'):
             controller.update(task.start, np.array((1e9, 0.0, 0.0)))
@@ -188,7 +187,7 @@ def test_limits_hold_in_any_order_of_changes_and_losses(arm, names, interface):
     random = np.random.default_rng(12)
     model = RobotModel.named(arm)
     options = {'limits': names, 'robot_interface': interface, 'switch_time': 0.2}
-    controller = controller_of(model, **options)
+    controller = Controller(model, 'minimum_velocity', T, **options)
     if interface != 'ros2_control':
         controller.gap = 4
         controller.longest_gap = 20

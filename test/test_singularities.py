@@ -9,26 +9,20 @@ import numpy as np
 import pytest
 from nightly import by_day
 from scipy.optimize import minimize
+from test_distance import BOX, T, model_of
 
-from redres_ros import LAWS, Command, Controller, RobotModel, make_law
+from redres_ros import LAWS, Command, Controller, make_law
 from redres_ros.geometry import quintic
 from redres_ros.resolution import SINGULAR_RATIO
 from redres_ros.robots import ARMS
 from redres_ros.singularity import escape
 from redres_ros.tasks import Position
 
-T = 0.002  # [s]
-BOX = ('position', 'velocity', 'acceleration')
 SPEED = 0.05  # [m/s]
 NO_GAINS: dict[str, float] = {}
 BRAKING = {'acceleration.reach': 0.02}
 # share of a path -> x_d (3,), and its slope by the share (3,)
 Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
-
-
-@cache
-def model_of(arm: str) -> RobotModel:
-    return RobotModel.named(arm)
 
 
 @cache
