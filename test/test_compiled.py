@@ -112,6 +112,9 @@ def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(
     doubled = kernels / 'doubled.py'
     doubled.write_text(doubled.read_text().replace('total = 0.0', 'total = 10.0'))
     assert ask(kernels)[0] == '32.0 1'
+    [index] = (kernels / '__pycache__').glob('doubled.*.nbi')
+    os.truncate(index, 0)
+    assert 'in every process' in ask(kernels)[1]
 
 
 @pytest.mark.nightly
@@ -124,7 +127,7 @@ def test_where_no_folder_can_be_written_every_process_compiles_and_says_what_hel
     for _ in range(2):
         result, logged = ask(kernels, **places)
         assert result == '12.0 1'
-        assert logged.endswith('in every process, since no cache is writable; set NUMBA_CACHE_DIR')
+        assert logged.endswith('in every process, since no cache can be used; set NUMBA_CACHE_DIR')
     places['NUMBA_CACHE_DIR'] = str(tmp_path / 'cache')
     assert ask(kernels, **places)[0] == '12.0 1'
     assert ask(kernels, **places) == ('12.0 0', '')

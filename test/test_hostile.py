@@ -124,7 +124,7 @@ class Interrupt:
             try:
                 os.kill(os.getpid(), signal.SIGINT)
             except KeyboardInterrupt as error:  # modules in C make another one of it
-                raise {raised}
+                raise {kind}
 
 sys.meta_path.insert(0, Interrupt())
 """
@@ -143,9 +143,8 @@ BY_NODES = ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco']
     ],
 )
 def test_ctrl_c_while_a_program_loads_ends_it_quietly(tmp_path, program, module):
-    raised = 'ImportError' if program == NODE else 'error'
-    script = INTERRUPTED.format(module=module, raised=raised) + program
-    done = run_python('-c', script, cwd=tmp_path)
+    kind = 'ImportError' if program == NODE else 'error'
+    done = run_python('-c', INTERRUPTED.format(module=module, kind=kind) + program, cwd=tmp_path)
     assert (done.returncode, done.stdout + done.stderr) == (130, '')
 
 

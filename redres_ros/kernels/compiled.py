@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from fcntl import LOCK_EX, flock
 from functools import cache
+from pickle import UnpicklingError
 from typing import Any
 
 import numba
@@ -22,7 +23,7 @@ _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])  # to look for a fault
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     """A decorator that compiles a function for the given signatures, or takes it from the cache.
 
-    Where no folder for the cache can be written, it is compiled anew in every process.
+    Where no folder for the cache can be used, it is compiled anew in every process.
     """
 
     def _decorate(function: Callable[..., Any]) -> Any:
@@ -34,7 +35,7 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
             options: Any = {'error_model': 'numpy', 'no_cfunc_wrapper': True}  # nobody calls by C
             try:
                 made: Any = numba.njit(list(signatures), cache=True, **options)(function)
-            except RuntimeError:  # there is no folder that can be written
+            except (RuntimeError, EOFError, UnpicklingError):  # no folder, or a damaged file
                 made = numba.njit(list(signatures), **options)(function)
         if not made.stats.cache_hits:
             _report_compiling(made.stats.cache_path or '')
@@ -48,7 +49,7 @@ def _report_compiling(folder: str) -> None:
     """Print why a start takes so long, without a terminal too: other programs start nodes."""
     how_often = f'once, cached in {folder}'
     if not folder:
-        how_often = 'in every process, since no cache is writable; set NUMBA_CACHE_DIR'
+        how_often = 'in every process, since no cache can be used; set NUMBA_CACHE_DIR'
     line = f'compiling the formulas, about a quarter of a minute: {how_often}'
     print(line, file=sys.stderr, flush=True)
 
