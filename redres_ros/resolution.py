@@ -249,9 +249,12 @@ def _resolve_carefully(
     e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(U.T.dot(dx)) / fastest)  # (k,)
     if not e.any():
         return b.copy(), True
-    factor = Factor(_cholesky(W)) if isinstance(W, np.ndarray) else W
-    C = Vt if factor is None else factor.solved(Vt, transposed=True)  # (k, n) rows c_i
     kept = s >= e
+    is_damped = int(np.count_nonzero(kept)) < len(U)
+    if W is None:  # all c_i are orthonormal
+        return b + (s / np.maximum(s, e) ** 2 * rho).dot(Vt), is_damped
+    factor = W if isinstance(W, Factor) else Factor(_cholesky(W))
+    C = factor.solved(Vt, transposed=True)  # (k, n) rows c_i
     lost = ~kept
     Q, R = np.linalg.qr(C[kept].T)
     y = Q.dot(np.linalg.solve(R.T, rho[kept] / s[kept]))
@@ -263,8 +266,7 @@ def _resolve_carefully(
         A = s_lost[:, None] * C_lost
         rest = rho[lost] - s_lost * C[lost].dot(y)
         y = y + A.T.dot(np.linalg.solve(A.dot(A.T) + np.diag(d), rest))
-    step = y if factor is None else factor.solved(y[None], transposed=False)[0]
-    return b + step, int(np.count_nonzero(kept)) < len(U)
+    return b + factor.solved(y[None], transposed=False)[0], is_damped
 
 
 def _cholesky(W: np.ndarray) -> np.ndarray:

@@ -66,23 +66,14 @@ def locked(executed: float) -> float:
 def escape(
     state: 'RobotState', task: 'Task', J: Jacobian, dx: TaskVelocity
 ) -> JointVelocities | float:
-    """The self-motion that leads out of a singularity of a task; 0 if none is needed or known."""
-    dJ = task.derivatives(state)
-    if dJ is None:
-        return 0.0
+    """The self-motion that leads out of a singularity of a task as fast as that demands, in the
+    sense of the last command; 0 if none is needed or known.
+    """
     scale = task.row_scale(state.model)
     if scale is None:
         scale = np.full(len(dx), 1.0 / state.model.reach)
-    return _escape_velocity(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
-
-
-def _escape_velocity(
-    J: Jacobian, dJ: JacobianDerivatives, dx: TaskVelocity, dq_prev: JointVelocities
-) -> JointVelocities | float:
-    """A self-motion that leaves a singularity as fast as the task demands, in the sense of the last
-    command; or 0. Rows are comparable.
-    """
-    U, s, Vt = np.linalg.svd(J)
+    dx = scale * dx
+    U, s, Vt = np.linalg.svd(scale[:, None] * J)
     e = SINGULAR_RATIO * s[0]
     if e == 0.0:
         return 0.0
@@ -91,15 +82,16 @@ def _escape_velocity(
     lost = U[:, kept : len(s)]
     asked = lost.dot(stuck * lost.T.dot(dx))  # (m,)
     size = float(np.linalg.norm(asked))
-    if size <= _NOTHING * float(np.linalg.norm(dx)):
+    dJ = task.derivatives(state) if size > _NOTHING * float(np.linalg.norm(dx)) else None
+    if dJ is None:
         return 0.0
-    H = np.einsum('c,icj->ij', asked / size, dJ)  # (n, n)
+    H = np.dot(scale * asked / size, dJ)  # (n, n)
     Z = Vt[kept:].T  # (n, n - kept)
     curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z))  # twice those of H
     if curvatures[-1] <= _NOTHING * float(np.linalg.norm(H)):
         return 0.0
     z: JointVelocities = Z.dot(directions[:, -1])
-    sense = z.dot(dq_prev) or z[np.argmax(np.abs(z))]
+    sense = z.dot(state.dq_prev) or z[np.argmax(np.abs(z))]
     return np.copysign(size, sense) * z
 
 
@@ -164,7 +156,7 @@ def end_of_reach(
     is_asked = np.abs(rho) > _NOTHING * np.linalg.norm(dx)
     for i in range(len(s)):
         if is_asked[i] and s[i] < near * s[0]:
-            H = np.einsum('c,icj->ij', np.copysign(1.0, rho[i]) * U[:, i], dJ)  # (n, n)
+            H = np.dot(np.copysign(1.0, rho[i]) * U[:, i], dJ)  # (n, n)
             most[i] = _fastest(i, (H + H.T) / 2.0, s, Vt, ddq_max, near)
     is_ended = np.abs(rho) > most
     if not is_ended.any():
