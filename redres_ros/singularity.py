@@ -85,7 +85,7 @@ def escape(
     dJ = task.derivatives(state) if size > _NOTHING * float(np.linalg.norm(dx)) else None
     if dJ is None:
         return 0.0
-    H = np.dot(scale * asked / size, dJ)  # (n, n)
+    H = np.dot(scale * asked, dJ)  # (n, n)
     Z = Vt[kept:].T  # (n, n - kept)
     curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z))  # twice those of H
     if curvatures[-1] <= _NOTHING * float(np.linalg.norm(H)):

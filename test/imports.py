@@ -29,19 +29,21 @@ class Import(NamedTuple):
         return self.module.partition('.')[0]
 
 
+def statements(node: ast.AST, on_loading: bool = True) -> Iterator[tuple[ast.AST, bool]]:
+    """Those below a node, each with whether it is executed when the file is loaded."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.ExceptHandler, ast.match_case)):
+            is_typing = isinstance(child, ast.If) and ast.unparse(child.test) == 'TYPE_CHECKING'
+            is_later = is_typing or isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef))
+            yield child, on_loading
+            yield from statements(child, on_loading and not is_later)
+
+
 def imports_of(path: Path) -> Iterator[Import]:
-    tree = ast.parse(path.read_text(encoding='utf-8'))
     file = path.relative_to(PACKAGE).as_posix()
-    inside = {
-        child
-        for node in ast.walk(tree)
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
-        or (isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING')
-        for child in ast.walk(node)
-    }
-    for node in ast.walk(tree):
+    for node, on_loading in statements(ast.parse(path.read_text(encoding='utf-8'))):
         if isinstance(node, ast.Import):
-            yield from (Import(file, alias.name, node not in inside) for alias in node.names)
+            yield from (Import(file, alias.name, on_loading) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             module = node.module or ''
             if node.level:  # relative: none is in use, but it would count
@@ -53,7 +55,7 @@ def imports_of(path: Path) -> Iterator[Import]:
                 if module == 'redres_ros'
                 else [module]
             )
-            yield from (Import(file, name, node not in inside) for name in modules)
+            yield from (Import(file, name, on_loading) for name in modules)
 
 
 @cache

@@ -226,7 +226,7 @@ def goals_one_after_the_other(name: str) -> list[list[float]]:
             q = q + T * scaling * step.dq
         elif step is not None and step.dx is not None:
             J = model.jacobian(q, model.arm.tip_frame)[: len(step.dx)]
-            q = q + T * scaling * np.linalg.pinv(J) @ step.dx
+            q = q + T * scaling * J.T @ np.linalg.solve(J @ J.T, step.dx)
         if tick % (4 * EVERY) == 4 * EVERY - 1:
             preview = executor.preview(0.5)
             ahead = preview.positions[-1] if preview else np.zeros(3)

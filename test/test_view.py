@@ -223,9 +223,8 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
         assert np.array_equal(q, newest.state.q)
 
 
-def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(
-    motion: SimpleNamespace,
-) -> None:
+def test_the_arm_is_where_it_was_measured_also_while_the_controller_is_silent(motion, monkeypatch):
+    monkeypatch.setattr('redres_ros.graph.monitor._SILENCE', 0.1)
     with graph(ControllerNode) as (controller, _):
         values = read_parameters(controller, 'controller')
     with graph(lambda: Node('robot')) as (node, _):
