@@ -43,9 +43,7 @@ def test_a_file_that_cannot_be_written_is_named() -> None:
         write_csv({}, Path('/dev/null/claims.csv'))
 
 
-def test_the_command_draws_measures_and_writes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_draws_measures_and_writes(tmp_path, monkeypatch, capsys):
     drawn: list[Path] = []
     monkeypatch.setattr(Runs, 'prepare', lambda self, progress: None)
     monkeypatch.setattr(figures, 'draw_all', lambda out, progress, runs: drawn.append(out))

@@ -155,13 +155,15 @@ def test_a_tare_takes_off_the_mean_of_what_is_measured() -> None:
 
 
 def test_only_what_can_be_used_outlives_the_wait_for_a_first_wrench() -> None:
-    sensor = _ForceSensor(0.05, T)
+    contact = ContactControl(AdmittanceSettings(), T)
+    sensor = contact.sensor
     sensor.enter(np.ones(6))
     sensor.expect()
     assert sensor.at_tip(STATE) is not None
     sensor.advance(round(0.06 / T))
-    sensor.expect()
-    assert sensor.problem == ''
+    assert sensor.problem
+    contact.set_settings(settings())
+    assert not sensor.problem
     assert sensor.at_tip(STATE) is None
 
 

@@ -30,9 +30,7 @@ def test_perfect_stamps_are_one_cycle_each_and_a_gap_is_as_many_as_it_holds() ->
 
 @pytest.mark.parametrize('share', [0.2, 0.4, 0.49])
 @pytest.mark.parametrize('off', [-0.005, 0.0, 0.005])
-def test_jitter_within_half_a_period_and_a_rate_half_a_percent_off_do_not_matter(
-    share: float, off: float
-) -> None:
+def test_jitter_within_half_a_period_and_a_rate_half_a_percent_off_do_not_matter(share, off):
     jitter = np.random.default_rng(1).uniform(-share, share, 20_000)
     stamps = [EPOCH + round(T * (k * (1.0 + off) + jitter[k])) for k in range(20_000)]
     counts = counted(sorted(stamps))

@@ -347,13 +347,13 @@ def test_an_obstacle_in_the_way_is_approached_and_named_but_not_touched(kind):
     limit = colliding('iiwa7', floor=x[2] - 0.1)
     dx = np.array((0.0, 0.0, -0.2))
     if kind == 'sphere':
-        limit = colliding('iiwa7', sphere=(x[0], x[1] + 0.25, x[2], 0.05))
+        limit = colliding('iiwa7', sphere=((5.0, 0.0, 0.0, 0.1), (x[0], x[1] + 0.25, x[2], 0.05)))
         dx = np.array((0.0, 0.2, 0.0))
     at_rest = model.state(start_of(model), np.zeros(7))
     assert not limit.rows(at_rest, T)[0].size  # nothing that this tick could bring too near
     commands = driven(limit, [dx], 1000)
     assert CLEARANCE - ABOUT < least_distance(limit, commands) < 2.0 * CLEARANCE
-    expected = {'floor': ' to floor: collision', 'sphere': ' to sphere 1: collision'}[kind]
+    expected = {'floor': ' to floor: collision', 'sphere': ' to sphere 2: collision'}[kind]
     assert commands[-1].active_limits.endswith(expected)
 
 
@@ -417,12 +417,13 @@ def test_an_arm_outside_of_one_wall_comes_back_along_another_that_it_touches():
     """It does not pass the second wall for the sake of the first one, and does not hang there."""
     model = model_of('gen3')
     x, _ = model.tip(middle_of(model))
-    limit = walled(model, half_space=((1.0, 0.0, 0.0, x[0] - 0.05), (0.0, 1.0, 0.0, x[1])))
+    limit = walled(model, half_space=((0.0, 1.0, 0.0, x[1]), (1.0, 0.0, 0.0, x[0] - 0.05)))
     commands = driven(limit, [np.zeros(3)], 300, T=0.01)
     distances = [limit.approaches(command.q_ref, FARTHEST)[1] for command in commands]
-    first, second = np.transpose(distances)
+    second, first = np.transpose(distances)
     assert first[-1] > -1e-3
     assert second.min() > -1e-9
+    assert 'tool0 to half space 2: workspace' in {each.active_limits for each in commands}
 
 
 @pytest.mark.parametrize('size', [1.0, 1e9])
