@@ -305,7 +305,7 @@ class CollisionLimit(DistanceLimit):
 
     def _pair_name(self, one: int, other: int) -> str:
         links = self.model.bodies.links
-        names = (*links, *(f'sphere {k + 1}' for k in range(other - len(links) + 1)))
+        names = (*links, *(f'sphere {k + 1}' for k in range(other)))
         return f'{links[one]} to {names[other] if other >= 0 else "floor"}'
 
 
