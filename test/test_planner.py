@@ -92,9 +92,6 @@ def test_feedback_is_the_gain_times_the_error_and_limited_in_speed(square):
     assert whole.dx == pytest.approx(7.0 * error)  # Eq. (37)
 
 
-# --- from one segment to the next -----------------------------------------------------------------
-
-
 def test_segments_follow_each_other_and_the_last_one_finishes(square):
     references = follow(Planner(square), square.waypoints[0], 1600)
     segments = column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]
@@ -189,9 +186,6 @@ def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
         assert (getattr(again, name) == getattr(expected, name)).all()
 
 
-# --- orientations ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('t', [0.1, 0.25, 0.4])
 def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning, t):
     reference = Planner(turning).reference(turning.waypoints[0], t, EYE)
@@ -255,9 +249,6 @@ def test_a_tip_follows_a_jumping_target_within_speed_and_acceleration(square, sp
     assert np.diff(to_go).max() < 1e-9  # it does not overshoot
 
 
-# --- paths from others ----------------------------------------------------------------------------
-
-
 def policy(t: np.ndarray) -> Preview:
     """What a learned policy has for these times: no faster than 0.11 m/s, nor 0.2 m/s^2."""
     x = np.column_stack((0.4 + 0.05 * np.sin(2.0 * t), 0.05 * np.cos(2.0 * t), 0.5 + 0.03 * t))
@@ -306,6 +297,17 @@ def test_velocity_and_acceleration_of_a_path_are_continuous_at_its_poses(square)
     accelerations = np.diff(dx, axis=1) / h
     # They change by the jerk times h: 60 / (0.4 s)^3 times some 2 rad
     assert np.abs(np.diff(accelerations, axis=1)).max() < 0.1
+
+
+@pytest.mark.parametrize('times', [(0.5, 1.5, 1.6, 2.6, 2.7), (0.5, 0.51, 1.5, 1.51, 2.5)])
+def test_a_path_of_very_different_intervals_does_not_swing_out_of_its_chords(square, times):
+    points = np.outer((0.0, 0.02, 0.04, 0.06, 0.08), (1.0, 0.5, 0.0))
+    path = Preview(np.array(times), points, turned(*np.zeros((5, 3))))
+    follower = resting(square, path)
+    follower.set_path(path)
+    for k in range(4):
+        x = column(ideally(follower, np.linspace(times[k], times[k + 1], 50)), 'x_d')
+        assert ((x >= points[k] - 1e-6) & (x <= points[k + 1] + 1e-6)).all()
 
 
 @pytest.mark.parametrize('rate', [10.0, 25.0, 60.0])

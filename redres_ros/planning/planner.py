@@ -242,11 +242,15 @@ class _Path:
             steps = np.hstack((steps, np.reshape(turns, (-1, 3))))
         h = np.diff(times)[:, None]
         slopes = steps / h
-        around = h[1:] + h[:-1]
+        ratio = h[:-1] / h[1:]
+        # Beyond a factor of two the longer one counts, which else swings out.
+        uneven = ratio / np.clip(ratio, 0.5, 2.0)
+        before = h[1:] * uneven**3
         v = np.zeros((len(times), steps.shape[1]))
         a = np.zeros_like(v)
-        v[1:-1] = (h[1:] * slopes[:-1] + h[:-1] * slopes[1:]) / around
-        a[1:-1] = 2.0 * np.diff(slopes, axis=0) / around
+        v[1:-1] = (before * slopes[:-1] + h[:-1] * slopes[1:]) / (before + h[:-1])
+        a[1:-1] = 2.0 * np.diff(slopes, axis=0) / (h[1:] + h[:-1])
+        a[1:-1] /= np.maximum(uneven, 1.0 / uneven)
         # Coefficients of the powers of xi; a last segment is at rest.
         c_1 = h * v[:-1]
         c_2 = h**2 * a[:-1] / 2.0
