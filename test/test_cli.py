@@ -101,14 +101,13 @@ def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_pa
     assert 'preferences and damping do not act on minimum_velocity\n' in capsys.readouterr().out
 
 
-# --- what cannot be done --------------------------------------------------------------------------
-
 REFUSED = [
     ('simulate --law fastest', "unknown law 'fastest'; allowed: dynamically_consistent, "),
     (
         'compare --law minimum_velocity@x',
         '--law minimum_velocity@x; expected a name, NAME@DAMPING ',
     ),
+    ('simulate --law minimum_torque@=3', '--law minimum_torque@=3; expected a name, NAME@DAMPING '),
     ('compare --law minimum_velocity@-1', 'damping is -1.0; allowed: 0 to 1'),
     ('demo --law minimum_velocity@5', '--law minimum_velocity@5; minimum_velocity has no velocity'),
     ('watch --set law=minimum_torque@5', '--set law=minimum_torque@5; expected two settings, s'),
@@ -268,9 +267,6 @@ def test_the_version_is_that_of_the_package(capsys):
     assert caught.value.code == 0
     declared = ElementTree.parse(Path(__file__).parents[1] / 'package.xml').findtext('version')
     assert capsys.readouterr().out == f'redres_ros {declared}\n'
-
-
-# --- what there is --------------------------------------------------------------------------------
 
 
 def test_laws_lists_every_law_with_its_equation_every_gain_and_every_arm(capsys):

@@ -90,7 +90,8 @@ def _with_law(case: Case, text: str) -> Case:
         return replace(case, law=name)
     gain, _, value = own.rpartition('=')
     expected = 'a name, NAME@DAMPING or NAME@GAIN=VALUE, such as minimum_acceleration@horizon=2'
-    gains = {**case.gains, gain or 'damping': _number_in('--law', text, value, expected)}
+    number = _number_in('--law', text, value if gain else own, expected)
+    gains = {**case.gains, gain or 'damping': number}
     law = LAWS.resolve(name, gains)
     known = [each.key for each in LAWS.gains(name)]
     if gain and gain not in known:
