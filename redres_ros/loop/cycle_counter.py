@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from itertools import pairwise
+from math import floor
 
 from redres_ros.errors import RedresError
 from redres_ros.types import Cycles, Nanoseconds, Seconds
@@ -9,13 +10,10 @@ from redres_ros.types import Cycles, Nanoseconds, Seconds
 NANOSECONDS = 1_000_000_000
 RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
 
-_GAIN = 0.05  # fraction of a stamp's residual by which the expected stamps are moved
+_GAIN = 0.05  # fraction of a residual by which the expected stamps, and their jitter, are moved
 _DOUBT = 0.2  # of a period by which a state must be later than half of one to be two cycles
-_EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
-# A stray takes the cycle of the state after it. Only stamps that do not jitter show one.
-_STRAY = (0.25, 0.7)  # [periods] by which it is early; if by more, the clock was set back
-_NEAR = 0.15  # [periods] from where its cycle was expected, at which the state after it comes
-_STEADY_STATES = 10  # before it, none of which was as early or late
+_ODD = 0.25  # [periods] from where it is expected, at which a stamp or an arrival is odd
+_JITTERS = 0.125  # [periods] in the mean, by a clock that shows no odd stamps
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _GAP = 0.15  # [s] without a state, in which this process may have slept
@@ -53,10 +51,13 @@ class CycleCounter:
     """Counts the robot's cycles by the stamps of its states.
 
     A state is one cycle as long as its stamp lies within half a period of where it is expected.
-    Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. The
-    first state of another clock is refused, unless it is ahead by no more than a second: it came
-    sooner after its stamp than any could. A second one like it sets the clock, and arrivals count
-    its cycles; before that, all that fit the old clock are of that one, however late they come.
+    Where that is follows slowly from the stamps themselves, so jitter and drift do not matter.
+
+    A state may come late, but never early: its arrival says how many cycles it is at most. If a
+    stamp is odd, off by more than its clock's jitter, that decides: on one cycle more or less, on a
+    stray beside the state of a cycle, on a clock that was set. A state behind the newest one is
+    refused; if it came late enough to be a new one, a second one that goes on from it, and was not
+    held up with it, sets the clock. In doubt the lesser count is taken: one too many is a leap.
 
     Attributes:
         number: Of the newest state's cycle; never goes back.
@@ -75,19 +76,20 @@ class CycleCounter:
         self.newest = 0
         self.arrived = 0.0
         self.woke = -_GAP
-        self._steady = 0  # states in a row, before the newest one, that came as expected
+        self._earliest = 0.0  # when the newest cycle's state would have come at the earliest [s]
+        self._jitter = _ODD  # mean residual of the stamps [periods]
         self._numbers: dict[int, int] = {}  # cycles by stamp, of the last states
         self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self._changes = 0.0
         self.rate_error = ''
-        self._set(0, 0.0)
+        self._set()
 
-    def _set(self, stamp: Nanoseconds, arrived: Seconds) -> None:
-        """Expect stamps by the clock of this one."""
+    def _set(self) -> None:
+        """Expect stamps by the clock of the state that comes now."""
         self._apart = 0  # stamp of the last state, if that may be of another clock [ns]
-        self._late = 0.0  # [ns] by which the newest stamp is later than expected
+        self._apart_most = 0.0  # [periods] that it was at most after the newest one
+        self._late = 0.0  # [periods] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
-        self._least_delay = arrived - stamp / NANOSECONDS  # [s] to the arrival, on two clocks
         self._numbers.clear()
         self._unjudged.clear()
 
@@ -104,24 +106,26 @@ class CycleCounter:
             self._judge_rate()
         if self._changes >= _CHANGES:
             self.rate_error = _TWO_NODES
-        elapsed = stamp - self.newest
-        since = elapsed + self._late  # [ns] since the newest cycle, on its clock
-        delay = arrived - stamp / NANOSECONDS - self._least_delay  # [s] beyond the least one
-        due = since + delay * NANOSECONDS  # [ns] since that cycle, by the arrival
-        half = 0.5 * self.period
-        if elapsed and abs(since) < _NEAR * self.period and self._is_stray(due):
-            cycles = 0
-            self._late = since
-            self._steady = 0
-        # One that is before the newest state is later than its cycle, if that state was ahead.
-        elif self.newest and elapsed <= _NEW_CLOCK and (elapsed > 0 or (elapsed and since > half)):
-            self._changes = max(self._changes - since / NANOSECONDS, 0.0)
-            cycles = self._count(stamp, arrived, since, due)
-            self.number += cycles
+        # Periods since the newest cycle, by its clock; and at most, as no state comes early.
+        since = (stamp - self.newest) / self.period + self._late
+        most = (arrived - self._earliest) * NANOSECONDS / self.period
+        fits = self._fits(stamp, since, most)
+        is_second = self._is_second(stamp, since, most, fits) if self._apart else False
+        if is_second:
+            cycles = self._by_arrival(stamp, arrived, most)
+            self._set()
+        elif fits and is_second is not None:
+            cycles = self._count(stamp, since, most)
         else:
-            cycles = self._step(stamp, arrived, due)
-            self.number += max(cycles, 1)
+            if not fits and most >= 1.0 - _ODD:
+                self._apart = stamp
+                self._apart_most = most
+            cycles = self._step(stamp, arrived, most)
+        self.number += cycles
         self._counted += 1
+        self._earliest += cycles * (1.0 + _DRIFT) * self.period / NANOSECONDS
+        if stamp != self._apart:
+            self._earliest = min(self._earliest, arrived)
         if self.newest and arrived - self.arrived > _GAP:
             self.woke = arrived
         self.newest = stamp
@@ -131,48 +135,60 @@ class CycleCounter:
             del self._numbers[next(iter(self._numbers))]  # the oldest
         return cycles
 
-    def _is_stray(self, due: float) -> bool:
-        """Whether the newest state took the cycle of one that comes now."""
-        early = -self._late / self.period
-        came_apart = early < -_STRAY[0] or _STRAY[0] < early < _STRAY[1]
-        return (came_apart or due < 0.5 * self.period) and self._steady >= _STEADY_STATES
-
-    def _count(self, stamp: Nanoseconds, arrived: Seconds, since: float, due: float) -> Cycles:
-        """Cycles in a time that has passed on the robot's clock, or by arrival if that is ahead."""
+    def _fits(self, stamp: Nanoseconds, since: float, most: float) -> bool:
+        """Whether a state is of the clock in force: later, or again of the newest cycle."""
         elapsed = stamp - self.newest
-        cycles = max(round(since / self.period - _DOUBT), 1)
-        self._steady = self._steady + 1 if abs(self._late) < _STRAY[0] * self.period else 0
-        if since < (1.0 + _EARLIEST) * self.period:
+        if since < _ODD and self._jitter < _JITTERS:
+            is_early = elapsed > 0 and most < 1.0 - _ODD
+            return since > -_ODD and (is_early or self._apart == self.newest)
+        is_later = elapsed > 0 or (elapsed < 0 and since > 0.5)
+        return self.newest > 0 and is_later and elapsed <= _NEW_CLOCK
+
+    def _is_second(self, stamp: Nanoseconds, since: float, most: float, fits: bool) -> bool | None:
+        """Whether a state goes on from the one apart, by another clock; None: both were held up."""
+        after = (stamp - self._apart) / self.period
+        if not self._apart_most:  # that one was counted
+            return abs(after - 1.0) < _ODD and not (fits and since < _ODD)
+        slack = most - self._apart_most - round(after)
+        # The clock in force has stamps at -1, -2, ...: one that was overtaken, before a late one.
+        place = since - after
+        is_known = fits and abs(place - min(round(place), -1)) < _ODD
+        if is_known or not 1 <= round(after) <= most + _ODD - 1.0:
+            return False
+        if fits and slack < -0.5:
+            self._apart_most += slack
+            return None
+        return slack >= -0.5 and (not fits or max(abs(slack), abs(most - round(most))) < _ODD)
+
+    def _count(self, stamp: Nanoseconds, since: float, most: float) -> Cycles:
+        """Cycles by the clock in force, or to the first state of one that was set ahead."""
+        self._changes = max(self._changes - since * self.period / NANOSECONDS, 0.0)
+        if since < -0.5:
             raise ClockError(
-                f'stamped {elapsed / 1e6:.3g} ms after the last one, and so were those before; '
-                f'expected {self.period / 1e6:.3g} ms (rate {NANOSECONDS / self.period:g} Hz)'
+                f'stamped {(stamp - self.newest) / 1e6:.3g} ms after the last one, and so were '
+                f'those before; expected {self.period / 1e6:.3g} ms '
+                f'(rate {NANOSECONDS / self.period:g} Hz)'
             )
-        if self._apart == self.newest and 0.5 < elapsed / self.period < 1.5:
-            self._set(stamp, arrived)
-            return 1
-        if cycles > 1 and since - due > 0.5 * (cycles - 1) * self.period:
-            cycles = self._arrivals(arrived)
-            self._late = since - cycles * self.period
-            self._apart = stamp
-            return cycles
+        cycles = max(round(since - _DOUBT), 1)
+        is_odd = abs(since - cycles) > _ODD and self._jitter < _JITTERS
+        is_odd = is_odd or (cycles > 1 and since - most > 0.5)
+        if is_odd:
+            at_most = max(floor(most + _ODD), 0)
+            cycles = min(max(round(since), 1), at_most) if since >= _ODD else 0
         gain = max(_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
-        self._late = (1.0 - gain) * (since - cycles * self.period)
-        self._least_delay += min(_DRIFT * since, due - since) / NANOSECONDS
-        self._apart = 0
+        self._late = (since - cycles) * (1.0 if is_odd else 1.0 - gain)
+        if cycles:
+            self._jitter += _GAIN * (min(abs(since - cycles), _ODD) - self._jitter)
+        self._apart = stamp if is_odd and cycles else 0
+        self._apart_most = 0.0
         return cycles
 
-    def _step(self, stamp: Nanoseconds, arrived: Seconds, due: float) -> Cycles:
-        """Cycles to a state of another clock; 0 for a robot that was started again.
-
-        That one was silent before. One whose clock was set says so twice, of which the first is a
-        cycle without a state: a single one came too late, or from a recording that is played.
-        """
+    def _step(self, stamp: Nanoseconds, arrived: Seconds, most: float) -> Cycles:
+        """Cycles to a state after a silence; without one it came too late, or is of a recording."""
         step = stamp - self.newest
         if abs(step) > _NEW_CLOCK // 10:
             self._changes = min(self._changes + 1.0, _CHANGES + 1.0)
-        is_second = 0 < stamp - self._apart < 2 * self.period and due > 1.5 * self.period
-        if self.newest and not is_second and not (step and arrived - self.arrived > _SILENCE):
-            self._apart = stamp
+        if self.newest and not (step and arrived - self.arrived > _SILENCE):
             side = 'after' if step > 0 else 'before'
             place = f'{abs(step) / NANOSECONDS:.3g} s {side} the newest one'
             raise ClockError(
@@ -180,14 +196,19 @@ class CycleCounter:
                 f'expected a later stamp, by at most {_NEW_CLOCK / NANOSECONDS:g} s, or a second '
                 'state like it'
             )
-        self._set(stamp, arrived)
-        if self.newest and (is_second or abs(step) <= _NEW_CLOCK):
-            return max(self._arrivals(arrived), 1 + is_second)
+        self._set()
+        if self.newest and abs(step) <= _NEW_CLOCK:
+            return self._by_arrival(stamp, arrived, most)
+        self.number += 1
+        self._earliest = arrived
         return 0
 
-    def _arrivals(self, arrived: Seconds) -> Cycles:
-        """Cycles since the newest state came."""
-        return max(round((arrived - self.arrived) * NANOSECONDS / self.period), 1)
+    def _by_arrival(self, stamp: Nanoseconds, arrived: Seconds, most: float) -> Cycles:
+        """Cycles since the newest state, as they follow from when states came."""
+        if self._apart:
+            most = min(most, self._apart_most + round((stamp - self._apart) / self.period))
+        since = (arrived - self.arrived) * NANOSECONDS / self.period
+        return max(floor(min(most, since + 0.5) + _ODD), 1)
 
     def _judge_rate(self) -> None:
         """Compare the intervals between states with the period: lost states make some longer."""
@@ -206,10 +227,8 @@ class CycleCounter:
 
     def cycle(self, stamp: Nanoseconds) -> int:
         """The cycle of a stamp: that of its state, else the nearest."""
-        known = self._numbers.get(stamp)
-        if known is not None:
-            return known
-        return self.number + round((stamp - self.newest) / self.period)
+        nearest = self.number + round((stamp - self.newest) / self.period)
+        return self._numbers.get(stamp, nearest)
 
     def judge(
         self, stamp: Nanoseconds, time_of_day: Nanoseconds, allowed: Seconds
