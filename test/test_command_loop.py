@@ -5,16 +5,18 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import RobotInterface
-from redres_ros.errors import ArrayError
+from redres_ros.errors import ArrayError, RedresError
 from redres_ros.geometry import quintic
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.loop.holding import HeldReference
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.velocity_input import LoopSettings, VelocityError
 from redres_ros.robots import find_arm
@@ -122,9 +124,6 @@ def speed(response: Response | None) -> float:
     return float(np.linalg.norm(response.command.dq))
 
 
-# --- a run as it should be ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize('lag', [1, 2, 5])
 def test_the_loop_is_that_of_the_controller_with_task_velocities_some_cycles_late(lag: int) -> None:
     robot = make(twist_lag=lag)
@@ -210,9 +209,6 @@ def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(every, of_
     assert_gentle(robot)
     assert following.safety_filter.count == 0
     assert following.error == ''
-
-
-# --- states that are not as they should be --------------------------------------------------------
 
 
 @pytest.mark.parametrize('word', ['CMD', 'MON'])
@@ -321,6 +317,35 @@ def test_that_an_arm_does_not_come_to_rest_is_reported(noise: float, problem: st
         robot.ask()
     assert problem in robot.following.error
     assert bool(problem) == bool(robot.following.error)
+
+
+@pytest.mark.parametrize('others', [0.1, 5.5e-3])  # [rad/s]
+def test_a_reference_comes_to_the_mean_of_where_a_moved_arm_rests(others: float) -> None:
+    robot = at_speed(interface='ros2_control')
+    random = np.random.default_rng(1)
+    q = robot.q
+    for cycle in range(2000):
+        if cycle < 1500:
+            q = q - others * T
+        robot.q = q + random.uniform(-1e-3, 1e-3, 7)
+        robot.ask()
+        assert robot.following.mode is not Mode.HOLDING or cycle > 1500
+    assert robot.following.mode is Mode.HOLDING
+    assert np.abs(robot.references[-1] - q).max() < 5e-4
+
+
+def test_an_error_in_a_catch_up_ends_like_any_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = at_speed(interface='ros2_control')
+    impossible = Mock(side_effect=RedresError('no velocity leads there'))
+    monkeypatch.setattr(HeldReference, 'catch_up', impossible)
+    pushed = robot.q - 0.03
+    for _ in range(300):
+        robot.q = pushed
+        robot.ask()
+    assert impossible.called
+    robot.following.hold(False)
+    robot.follow(200)
+    assert robot.following.mode is Mode.MOVING
 
 
 def test_an_arm_that_sags_elsewhere_than_where_it_rested_is_not_placed_anew() -> None:
@@ -488,7 +513,7 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
 
 
 @pytest.mark.parametrize('interface', ['fri', 'ros2_control'])
-@pytest.mark.parametrize('jump', [-0.02, -0.5, 3600.0])  # [s]
+@pytest.mark.parametrize('jump', [-T, -2 * T, -0.02, -0.5, 3600.0])  # [s]
 def test_a_clock_that_is_set_while_the_arm_moves_is_a_gap(jump: float, interface: str) -> None:
     robot = limited(interface=interface)
     source = np.array((0.0, -0.3, 0.0))
@@ -554,9 +579,6 @@ def test_null_space_motion_without_end_is_brought_to_rest_and_reported_until_the
         loop.enter_velocity(stamp, dx, cycle * period)
     assert loop.mode is Mode.MOVING
     assert loop.error == ''
-
-
-# --- task velocities that are not as they should be -----------------------------------------------
 
 
 @pytest.mark.parametrize('ahead', [0.3, 5.0, -0.3, -5.0])
@@ -645,9 +667,6 @@ def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clo
     assert response is not None and response.scaling == 0.0
 
 
-# --- waiting --------------------------------------------------------------------------------------
-
-
 def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() -> None:
     perfect = at_speed()
     robot = at_speed(interface=RobotInterface('velocity', patience=1.0))
@@ -676,9 +695,6 @@ def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again()
     assert robot.ask() is not None
     robot.cycle += 1
     assert robot.following.step(robot.stamp, robot.q, robot.now) is None
-
-
-# --- who lets whom --------------------------------------------------------------------------------
 
 
 def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:

@@ -1,6 +1,4 @@
-"""Everything between two ticks of the controller: modes, the robot's clock and session, input
-velocities, faults, and the safety filter.
-"""
+"""What is between two ticks of the controller: modes, clock, session, velocities, and faults."""
 
 import math
 from typing import NamedTuple
@@ -46,9 +44,7 @@ class Response(NamedTuple):
 
     stamp: Nanoseconds  # of the state
     command: Command
-    # Fraction of the task velocity that is executed; 0 while none is, because the arm is held,
-    # stops or mirrors.
-    scaling: float
+    scaling: float  # executed fraction of the task velocity; 0 while the arm holds or stops
     q: JointPositions  # measured
     cycle: int  # of the state
 
@@ -114,8 +110,6 @@ class CommandLoop:
         self.skipped = 0  # cycles whose state did not come
         if not (self._holds or settings.lockstep):
             controller.longest_gap = self._interface.restart_after + 1
-
-    # --- what others ask for ----------------------------------------------------------------------
 
     @property
     def q(self) -> JointPositions | None:
@@ -194,8 +188,6 @@ class CommandLoop:
                 'admittance.enabled to false first'
             )
         self.measurements.contact.sensor.tare()
-
-    # --- states and task velocities ---------------------------------------------------------------
 
     def step(
         self, stamp: Nanoseconds, q: JointPositions, now: Seconds, *, is_connected: bool = True
@@ -297,8 +289,6 @@ class CommandLoop:
         self.responses += self.newest_response is not None
         return self.newest_response
 
-    # --- a tick -----------------------------------------------------------------------------------
-
     def _respond(self, state: _State, now: Seconds) -> Response | None:
         """What was missed, what is asked for, the mode that follows, and its command."""
         last = self.newest_response
@@ -330,6 +320,7 @@ class CommandLoop:
         except RedresError as error:
             self.faults.set(str(error))
             blocked = True
+            self.faults.is_lost = False
             self.mode = Mode.STOPPING
             controller.hold(at_once=self.measurements.contact.retreat is not None)  # may press on
             self.measurements.restart()
@@ -481,8 +472,6 @@ class CommandLoop:
             self._executed += T * max(asked.dot(executed) / square, 0.0)
             self._progress.active_limits = command.active_limit or str
             self._progress.enter(T, 0, -self._executed, 0.0, 'hardly anything executed')
-
-    # --- what a mode publishes --------------------------------------------------------------------
 
     def _command(self, q: JointPositions, dx: TaskVelocity, missed: Cycles) -> Command:
         """The mode's command for the input velocity dx. Raises RedresError if there is none."""
