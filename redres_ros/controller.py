@@ -153,8 +153,6 @@ class Controller:
         self.restart()
         self.set_policy(self.policy)
 
-    # --- what it does -----------------------------------------------------------------------------
-
     @property
     def law(self) -> Law:
         """The requested law."""
@@ -235,8 +233,6 @@ class Controller:
         if policy != self.policy:
             self.set_policy(policy)
 
-    # --- where it continues from ------------------------------------------------------------------
-
     def hold(self, *, at_once: bool = False) -> None:
         """Decelerate to rest, without a task; at once: without a crossfade, if A is limited."""
         limits = self.policy.limits
@@ -297,8 +293,6 @@ class Controller:
         turns = np.zeros(len(q))
         turns[self._multi_turn] = np.round((self.published.q - q)[self._multi_turn] / _TURN)
         return q + _TURN * turns
-
-    # --- the tick ---------------------------------------------------------------------------------
 
     def update(
         self,

@@ -94,9 +94,6 @@ def test_arguments_are_left_as_they_are():
         assert all((array == copy).all() for array, copy in zip(problem, before, strict=True))
 
 
-# --- near a singularity ---------------------------------------------------------------------------
-
-
 def near_singular(ratio: float, largest: float) -> np.ndarray:
     """J (3, 7), always in the same directions, whose smallest singular value is that share of the
     largest one.
@@ -164,9 +161,6 @@ def test_conditioning_at_a_singularity_is_judged_on_the_jacobian_alone():
     W = np.diag((1e6, 1.0, 1.0, 1e6, 1.0, 1.0, 1e6))
     dx = np.array((0.1, -0.2, 0.3))
     assert J @ resolve(J, dx, np.ones(7), W) == pytest.approx(dx, abs=1e-9)
-
-
-# --- several tasks --------------------------------------------------------------------------------
 
 
 def random_levels(seed: int, rows: tuple[int, ...] = (3, 2, 1)) -> tuple[list, np.ndarray, Factor]:

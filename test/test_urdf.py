@@ -141,9 +141,6 @@ def test_joints_of_every_tip_move_and_all_libraries_have_them_in_the_same_order(
     assert MujocoPlant(arm, T, np.zeros(n)).joint_names == model.joint_names
 
 
-# --- joints of the chain --------------------------------------------------------------------------
-
-
 def test_a_continuous_joint_turns_as_often_as_wanted():
     limit = '<limit velocity="3" effort="50"/>'
     text = urdf(wrist=PARTS['wrist'].replace(LIMIT, limit).replace('revolute', 'continuous'))
@@ -200,8 +197,6 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
     assert model.tip(q)[0] == pytest.approx(turn @ bare.tip(q)[0] + (1.0, 2.0, 3.0), abs=1e-12)
     assert_libraries_agree(arm_from_urdf(text, 'tip'))
 
-
-# --- what is refused ------------------------------------------------------------------------------
 
 NO_VELOCITY = 'joint elbow has no velocity limit above zero'
 
@@ -281,9 +276,6 @@ def test_a_xacro_is_refused_with_what_makes_a_urdf_of_it(tmp_path):
     path.write_text(f'<robot name="a" {xacro}><link name="a"/><xacro:property name="b"/></robot>')
     with pytest.raises(FileError, match=r'arm\.xacro holds xacro; .* xacro FILE > arm\.urdf'):
         choose_arm(str(path))
-
-
-# --- defaults -------------------------------------------------------------------------------------
 
 
 def test_limits_can_be_given_in_the_place_of_those_assumed_and_of_the_urdf(tmp_path):

@@ -113,8 +113,6 @@ class PlannerNode(ManagedNode):
             self.create_service(Trigger, service, partial(self._respond, service, begin))
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
-    # --- states -----------------------------------------------------------------------------------
-
     def _on_state(self, message: JointState) -> None:
         if self.life == 'unconfigured' or not self._joints.concerns(message):
             return
@@ -176,8 +174,6 @@ class PlannerNode(ManagedNode):
             self.get_logger().warning(remark)
         self._logged = remark
 
-    # --- what robot and controller report ---------------------------------------------------------
-
     def _on_scaling(self, message: Float64) -> None:
         self._run.clock.set_scaling(message.data)
 
@@ -191,8 +187,6 @@ class PlannerNode(ManagedNode):
     def _on_stop_reason(self, message: String) -> None:
         self._run.set_stop_reason(one_line(message.data))
         self._publish_state()
-
-    # --- goals ------------------------------------------------------------------------------------
 
     def _on_target(self, message: PoseStamped) -> None:
         with self._diagnostics.judging('target_pose'):
@@ -279,8 +273,6 @@ class PlannerNode(ManagedNode):
             raise GoalError('the joints are moving to the start; planner/stop ends that')
         self._run.begin(goal)
         self._publish_state()
-
-    # --- life cycle and health --------------------------------------------------------------------
 
     def _begin(self) -> None:
         if self._autostart:

@@ -114,8 +114,6 @@ class TaskExecutor:
         self._arm: _ArmState | None = None  # at the newest state
         self._seconds = 0.0  # from the last state to the newest
 
-    # --- inputs -----------------------------------------------------------------------------------
-
     def begin(self, goal: Goal) -> None:
         """Begin as soon as the controller follows, from where the arm is; in place of another goal.
 
@@ -180,8 +178,6 @@ class TaskExecutor:
             self._step = self._next_step(self._arm)
         return self._step
 
-    # --- outputs ----------------------------------------------------------------------------------
-
     @property
     def progress(self) -> float:
         """The fraction of the tip's path that is over, 0 to 1."""
@@ -214,8 +210,6 @@ class TaskExecutor:
             return None
         is_paused = execution.has_begun and self.state is TaskState.WAITING
         return execution.goal if is_paused or self.state is TaskState.MOVING else None
-
-    # --- what is done in a state, and its transitions ---------------------------------------------
 
     def _next_step(self, arm: _ArmState) -> Step | None:
         execution = self._execution
