@@ -103,35 +103,23 @@ def test_compare_names_the_laws_on_which_a_preference_does_not_act(short, tmp_pa
 
 REFUSED = [
     ('simulate --law fastest', "unknown law 'fastest'; allowed: dynamically_consistent, "),
-    (
-        'compare --law minimum_velocity@x',
-        '--law minimum_velocity@x; expected a name, NAME@DAMPING ',
-    ),
+    ('compare --law minimum_velocity@x', '--law minimum_velocity@x; expected a name, NAME@'),
     ('simulate --law minimum_torque@=3', '--law minimum_torque@=3; expected a name, NAME@DAMPING '),
     ('compare --law minimum_velocity@-1', 'damping is -1.0; allowed: 0 to 1'),
     ('demo --law minimum_velocity@5', '--law minimum_velocity@5; minimum_velocity has no velocity'),
     ('watch --set law=minimum_torque@5', '--set law=minimum_torque@5; expected two settings, s'),
     ('simulate --law fastest@horizon=1', "unknown law 'fastest'"),
-    (
-        'simulate --law minimum_velocity@horizon=1',
-        "unknown gain of minimum_velocity 'horizon'; all",
-    ),
+    ('simulate --law minimum_velocity@horizon=1', "unknown gain of minimum_velocity 'horizon'"),
     ('compare --law minimum_acceleration@horizon=20', 'horizon is 20.0; allowed: 0 to 10'),
     ('compare --law minimum_velocity,minimum_velocity', '--law minimum_velocity is named twice'),
     ('compare --law minimum_torque,minimum_torque@10', '--law minimum_torque, k_d = 10 1/s is '),
     ('simulate --task circle', "unknown task 'circle'; allowed: "),
     ('simulate --task none.yaml', 'cannot read none.yaml'),
     ('simulate --robot r2d2', "unknown robot 'r2d2'; allowed: a path ending in .urdf, "),
-    (
-        'simulate --robot fr3 --task rectangle',
-        'the tip of fr3 is 794 mm away from the first point when the task starts, at ',
-    ),
+    ('simulate --robot fr3 --task rectangle', 'the tip of fr3 is 794 mm away from the first'),
     ('simulate --robot planar4r --task rectangle', 'start of a task of planar4r has 7 joints; exp'),
     ('simulate --tip hand', "unknown frame 'hand'; allowed: "),
-    (
-        'simulate --limits speed',
-        "unknown limit 'speed'; allowed: acceleration, collision, end_speed, jerk, none, ",
-    ),
+    ('simulate --limits speed', "unknown limit 'speed'; allowed: acceleration, collision, "),
     ('simulate --limits position,position', "limit 'position' is named twice; allowed: once"),
     ('simulate --limit-scale 0.5', '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
     (
@@ -140,18 +128,12 @@ REFUSED = [
     ),
     ('simulate --prefer posture=high', '--prefer posture=high; expected NAME=GAIN, such as '),
     ('simulate --prefer posture=-1', 'posture.gain is -1.0; allowed: 0 to '),
-    (
-        'simulate --set posture.gain=1',
-        '--set posture.gain acts on the preference posture; in use: ',
-    ),
+    ('simulate --set posture.gain=1', '--set posture.gain acts on the preference posture; in '),
     (
         "simulate --set 'axis.axis=[1, 0, 0]' --limits position,acceleration",
         '--set axis.axis acts on the task axis; in use: law minimum_acceleration, limit ',
     ),
-    (
-        'simulate --set posture.gian=1',
-        "unknown gain 'posture.gian' (is posture.gain meant?); allowed: ",
-    ),
+    ('simulate --set posture.gian=1', "unknown gain 'posture.gian' (is posture.gain meant?); "),
     ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws with velocity '),
     ('simulate --law minimum_velocity --set damping=5', '--set damping acts on laws with '),
     ('simulate --law minimum_velocity --damping 5', '--damping acts on laws with velocity '),

@@ -168,9 +168,10 @@ class DistanceLimit(BrakingLimit):
         """Rows C dq <= high (r,) for which the arm keeps its clearance, and the pair of each (r,).
 
         Those that the acceleration limits imply are left out. There are two kinds, with d the
-        distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
-        velocity damper C dq <= rate (d - d_s), with C in the middle of the tick, q + T dq_prev / 2:
-        a fast arm leaves the tangent of its path at q. And d >= d_s while the joints brake by A
+        distance of a pair and d_s the clearance. Of pairs nearer than the influence, the velocity
+        damper C dq <= rate (d - d_s), with C at q, as the task's J. Else the motion in the null
+        space would change the tip's speed towards a wall a little, and for the sake of that the
+        largest s would swing all joints in every tick. And d >= d_s while the joints brake by A
         from the next tick on: after this tick, where they come to rest, and where pairs are nearest
         between. They come to rest one after the other, so that an arm may pass a wall and turn
         back. To first order in dq, about the velocity v of braking already in this tick,
@@ -184,12 +185,10 @@ class DistanceLimit(BrakingLimit):
         """
         gap = state.tick.gap
         levers = self.model.kinematics.max_point_jacobian  # (n,) [m]
-        half = 0.5 * T * gap * state.dq_prev
         # How far any point may move, at most, if the joints brake after this tick.
         paths = (np.abs(state.dq_prev) + 2.0 * self.A * T) ** 2 / (2.0 * self.A)
         farthest = gap * float(levers.dot(paths))
-        C, at_half, who = self.approaches(state.q + half, self.influence + farthest)
-        distance = at_half + C.dot(half)
+        C, distance, who = self.approaches(state.q, self.influence + farthest)
         rate = self.scale / _TIME
         high = rate * (distance - self.clearance)
         fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)
@@ -201,8 +200,8 @@ class DistanceLimit(BrakingLimit):
             tick = (now, self.A, T, gap, rate, self.clearance, float(levers.max()))
             for v, slope, ticks, near in self._nearest_places(state, T):
                 found.append(_kernels().braking_rows(*near, v, slope, ticks, *tick))
-        rows, high, pairs = zip(*found, strict=True)
-        return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
+        rows, highs, pairs = zip(*found, strict=True)
+        return np.concatenate(rows), np.concatenate(highs), np.concatenate(pairs)
 
     def _nearest_places(self, state: ReferenceState, T: Seconds) -> Iterator[_Place]:
         """Where joints rest if they brake after this tick, and where pairs are nearest before."""
