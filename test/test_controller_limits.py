@@ -69,9 +69,10 @@ def test_limits_are_taken_off_without_a_jump(model, task, limits):
     """From crawling under narrow limits to what the task asks for."""
     controller, q = underway(model, task, limits=BOX, limit_scale=0.05, switch_time=0.5)
     controller.set_limits(limits)
-    for _ in range(500):
+    for tick in range(500):
         command = controller.update(q, 3.0 * DX)
         assert np.linalg.norm(command.ddq) < 20.0  # at once it would be 400 rad/s^2
+        assert tick > 0 or command.active_limits  # of those that are taken off
         q = command.q_ref
     assert command.s == 1.0
 

@@ -27,9 +27,7 @@ def test_a_domain_is_set_for_a_block_alone(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize('name', ['', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS'])
-def test_nodes_stay_on_this_host_unless_the_user_says_otherwise(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nodes_stay_on_this_host_unless_the_user_says_otherwise(name, monkeypatch):
     monkeypatch.setattr(os, 'environ', dict(os.environ, ROS_DOMAIN_ID='none'))
     for known in runtime._DISCOVERY:
         os.environ.pop(known, None)

@@ -111,6 +111,8 @@ def test_an_axis_points_where_it_should_and_turns_freely_about_itself(model, tas
     down = Axis(gain=5.0)
     controller = Controller(model, make_law('minimum_velocity'), T, secondary_tasks=(down,))
     q = task.start
+    state = model.state(q, np.zeros(7))
+    assert np.linalg.norm(down.error(state)) == pytest.approx(np.arccos(-state.R[2, 2]))
     for _ in range(2000):
         q = controller.update(q, np.zeros(3)).q_ref
     _, R = model.tip(q)
