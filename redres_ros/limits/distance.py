@@ -20,10 +20,12 @@ from redres_ros.robots.scene import OBSTACLES, WALLS, Shape, read_shapes
 from redres_ros.solver import Rows
 from redres_ros.types import JointPositions, JointVelocities, Meters, Seconds
 
-# The distance d_i below which an approach is slowed down [m], at least twice the clearance; and its
-# time constant t_d [s]. They make an approach calm; it is braking by A that keeps the clearance.
+# The distance d_i below which an approach is slowed down [m], at least twice the clearance; its
+# time constant t_d [s]; and what stays free beside the clearance [m], for joints that come to rest
+# one after the other. They make an approach calm; it is braking by A that keeps the clearance.
 _INFLUENCE = 0.1
 _TIME = 0.3
+_FREE = 5e-4
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
@@ -169,19 +171,17 @@ class DistanceLimit(BrakingLimit):
 
         Those that the acceleration limits imply are left out. There are two kinds, with d the
         distance of a pair and d_s the clearance. Of pairs nearer than the influence, the velocity
-        damper C dq <= rate (d - d_s), with C at q, as the task's J. Else the motion in the null
-        space would change the tip's speed towards a wall a little, and for the sake of that the
-        largest s would swing all joints in every tick. And d >= d_s while the joints brake by A
-        from the next tick on: after this tick, where they come to rest, and where pairs are nearest
-        between. They come to rest one after the other, so that an arm may pass a wall and turn
-        back. To first order in dq, about the velocity v of braking already in this tick,
+        damper C dq <= rate (d - d_s), with C at q, as the task's J: else the largest s would swing
+        joints in every tick for a little of C dq. And d >= d_s while the joints brake by A from the
+        next tick on: after this tick, where they come to rest, and where pairs are nearest between.
+        They come to rest one after the other, so that an arm may pass a wall and turn back. To
+        first order in dq, about the velocity v of braking already in this tick,
 
             C S (dq - v) <= d(q + s(v)) - d_s - b,
 
         with s(v) the path to such a place and S = ds/dv. The margin b = 1/2 lever |T S A|^2 is of
         second order: how far the arm leaves its tangent. Braking, dq = v, does not change the path,
-        so it keeps d >= d_s if the tick before did. That is why these rows can be kept for ever,
-        however many pairs there are.
+        so these rows can be kept for ever, however many pairs there are.
         """
         gap = state.tick.gap
         levers = self.model.kinematics.max_point_jacobian  # (n,) [m]
@@ -190,7 +190,8 @@ class DistanceLimit(BrakingLimit):
         farthest = gap * float(levers.dot(paths))
         C, distance, who = self.approaches(state.q, self.influence + farthest)
         rate = self.scale / _TIME
-        high = rate * (distance - self.clearance)
+        apart = distance - self.clearance
+        high = rate * np.maximum(apart - _FREE, np.minimum(apart, 0.0))
         fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)
         is_damped = (distance < self.influence) & (fastest > high)
         found = [(C[is_damped], high[is_damped], who[is_damped])]
