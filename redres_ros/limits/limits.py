@@ -102,8 +102,8 @@ class Bounds:
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
-        lower = np.maximum(self.boxes[VELOCITY:BOXES, 0].max(axis=0), -_FASTEST)
-        upper = np.minimum(self.boxes[VELOCITY:BOXES, 1].min(axis=0), _FASTEST)
+        lower = np.maximum(np.maximum.reduce(self.boxes[VELOCITY:BOXES, 0]), -_FASTEST)
+        upper = np.minimum(np.minimum.reduce(self.boxes[VELOCITY:BOXES, 1]), _FASTEST)
         return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
 
     def _name(self, index: int, side: int) -> str:
