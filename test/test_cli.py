@@ -78,8 +78,7 @@ def test_every_option_acts(short, tmp_path, options):
 
 
 def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
-    # Without feedback the start's distance of 0.15 mm from x_0 stays.
-    task = tmp_path / 'open_loop.yaml'
+    task = tmp_path / 'open_loop.yaml'  # the start's distance of 0.15 mm from x_0 stays
     task.write_text(Path(short).read_text() + 'feedback_gain: 0.0\ntolerance: 1.0e-5\n')
     out = tmp_path / 'motion.csv'
     assert main(['simulate', '--task', str(task), '--out', str(out)]) == 1
@@ -108,7 +107,6 @@ REFUSED = [
     ('compare --law minimum_velocity@-1', 'damping is -1.0; allowed: 0 to 1'),
     ('demo --law minimum_velocity@5', '--law minimum_velocity@5; minimum_velocity has no velocity'),
     ('watch --set law=minimum_torque@5', '--set law=minimum_torque@5; expected two settings, s'),
-    ('simulate --law fastest@horizon=1', "unknown law 'fastest'"),
     ('simulate --law minimum_velocity@horizon=1', "unknown gain of minimum_velocity 'horizon'"),
     ('compare --law minimum_acceleration@horizon=20', 'horizon is 20.0; allowed: 0 to 10'),
     ('compare --law minimum_velocity,minimum_velocity', '--law minimum_velocity is named twice'),
@@ -122,17 +120,11 @@ REFUSED = [
     ('simulate --limits speed', "unknown limit 'speed'; allowed: acceleration, collision, "),
     ('simulate --limits position,position', "limit 'position' is named twice; allowed: once"),
     ('simulate --limit-scale 0.5', '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
-    (
-        'simulate --torque-scale 0.5 --limits velocity',
-        '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
-    ),
+    ('simulate --torque-scale 0.5 --limits velocity', '--torque-scale 0.5 acts on the limit '),
     ('simulate --prefer posture=high', '--prefer posture=high; expected NAME=GAIN, such as '),
     ('simulate --prefer posture=-1', 'posture.gain is -1.0; allowed: 0 to '),
     ('simulate --set posture.gain=1', '--set posture.gain acts on the preference posture; in '),
-    (
-        "simulate --set 'axis.axis=[1, 0, 0]' --limits position,acceleration",
-        '--set axis.axis acts on the task axis; in use: law minimum_acceleration, limit ',
-    ),
+    ("simulate --set 'axis.axis=[1, 0, 0]'", '--set axis.axis acts on the task axis; in use: law '),
     ('simulate --set posture.gian=1', "unknown gain 'posture.gian' (is posture.gain meant?); "),
     ('simulate --law minimum_velocity --prefer posture', '--prefer acts on laws with velocity '),
     ('simulate --law minimum_velocity --set damping=5', '--set damping acts on laws with '),
@@ -262,9 +254,6 @@ def test_laws_lists_every_law_with_its_equation_every_gain_and_every_arm(capsys)
     assert damping.endswith('default: 10')
 
 
-COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'laws', 'watch')
-
-
 def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), '--help'])
@@ -272,7 +261,9 @@ def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
-@pytest.mark.parametrize('command', ['', *COMMANDS])
+@pytest.mark.parametrize(
+    'command', ['', 'simulate', 'compare', 'reproduce', 'demo', 'laws', 'watch']
+)
 def test_help_shows_no_default_that_says_nothing(command, capsys):
     shown = help_of(command, capsys)
     assert shown.startswith(f'usage: redres {command}'.strip())
@@ -291,13 +282,11 @@ def test_every_command_has_examples_and_each_can_be_parsed():
             assert make_parser().parse_args(words).command == name
 
 
-FIXED = '--law --damping --limits --limit-scale --torque-scale --prefer --secondary --set --robot'
-
-
 @pytest.mark.parametrize('command', ['simulate', 'compare', 'demo'])
 def test_every_motion_has_the_options_that_users_rely_on(command, capsys):
     shown = help_of(command, capsys)
-    assert all(f'{option} ' in shown for option in [*FIXED.split(), '--tip', '--task'])
+    own = '--law --damping --limits --limit-scale --torque-scale --prefer --secondary --set'
+    assert all(f'{option} ' in shown for option in [*own.split(), '--robot', '--tip', '--task'])
 
 
 @pytest.mark.slow
@@ -311,8 +300,7 @@ def test_a_robot_does_its_own_task_by_default(name, tmp_path, capsys):
 
 def test_a_task_with_orientations_is_done_in_six_dimensions(tmp_path):
     path = tmp_path / 'motion.csv'
-    options = ['--task', 'iiwa7_pose', '--period', '0.01', '--out', str(path)]
-    assert main(['simulate', *options]) == 0
+    assert main(['simulate', '--task', 'iiwa7_pose', '--period', '0.01', '--out', str(path)]) == 0
     assert path.read_text().splitlines()[0] == ','.join(columns(7, pose=True))
 
 

@@ -144,14 +144,17 @@ def test_a_wrench_of_any_link_becomes_that_of_the_tip() -> None:
         assert sensor.at_tip(STATE) @ STATE.J @ dq == pytest.approx(power, abs=1e-12)
 
 
-def test_a_tare_takes_off_the_mean_of_what_is_measured() -> None:
+def test_a_tare_takes_off_what_is_measured_in_its_frame_beside_noise_and_a_glitch() -> None:
     sensor = _ForceSensor(0.05, T)
     bias = np.array((1.0, 2.0, 3.0, 0.1, 0.2, 0.3))
-    for k in range(20):
-        sensor.enter(bias + 0.1 * (-1.0) ** k)
+    sensor.enter(bias + 1e4)
+    for k in range(21):
+        sensor.enter(bias + 0.1 * (k % 3 - 1.0))
     sensor.tare()
     sensor.enter(bias)
     assert sensor.at_tip(STATE) == pytest.approx(np.zeros(6), abs=1e-12)
+    sensor.enter(bias, 'fr3_link5')
+    assert 'tare it again' in sensor.problem
 
 
 def test_only_what_can_be_used_outlives_the_wait_for_a_first_wrench() -> None:
@@ -213,6 +216,17 @@ def test_a_search_for_contact_is_bounded_in_speed_and_distance() -> None:
     speeds = np.linalg.norm(np.diff(x, axis=0), axis=1) / T
     assert speeds.max() == pytest.approx(0.02, rel=1e-3)
     assert x[-1][2] - x0[2] == pytest.approx(-0.05, abs=1e-3)
+
+
+def test_a_search_is_as_slow_while_it_is_called_off() -> None:
+    searching = settings(force=(0.0, 0.0, 20.0), damping=(30.0,) * 3)
+    contact = ContactControl(searching, T, switch_time=0.2)
+    loop = IdealLoop(contact)
+    for _ in range(110):
+        loop.tick(NONE)
+    contact.set_settings(replace(searching, force=(0.0,) * 3))
+    x = [loop.tick(NONE) for _ in range(110)]
+    assert np.linalg.norm(np.diff(x, axis=0), axis=1).max() / T == pytest.approx(0.02, rel=1e-3)
 
 
 @pytest.mark.slow

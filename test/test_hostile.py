@@ -148,9 +148,6 @@ def test_ctrl_c_while_a_program_loads_ends_it_quietly(tmp_path, program, module)
     assert (done.returncode, done.stdout + done.stderr) == (130, '')
 
 
-NODES = ('composed', 'controller', 'planner', 'sim')
-
-
 @pytest.mark.parametrize('starts', ['redres_ros.cli', 'redres_ros.nodes.runtime'])
 def test_a_process_without_an_error_output_gets_one_before_a_file_takes_its_number(starts):
     script = f"""
@@ -170,7 +167,7 @@ print(sys.stderr.fileno())
     assert done.stdout.splitlines()[-1:] == ['2'], done.stdout
 
 
-@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize('name', ['composed', 'controller', 'planner', 'sim'])
 def test_a_node_prints_its_help_and_refuses_an_option_that_it_does_not_have(name, capsys):
     assert run_node(name, ['--help']) == 0
     printed = capsys.readouterr()

@@ -91,7 +91,6 @@ def tilting(t: float) -> np.ndarray:
 
 @pytest.mark.slow
 def test_a_position_that_could_not_be_held_comes_back_when_the_turn_is_reversed():
-    """In between the velocity is zero."""
     arm = stretched()
     x, _ = arm.model.tip(arm.q)
     arm.run(2.5, tilting)

@@ -38,7 +38,7 @@ _RETREAT_TIME = 3.0  # times what it takes at full speed, after which a retreat 
 _GROWN = 1.1  # times the force where the tip turns round, and 1 N, at which a retreat ends
 _OPPOSED = 0.2  # of the force limit, against a retreat, at which it ends
 _TOUCHES = 0.25  # of the desired force, which counts as contact
-_TARED = 100  # wrenches whose mean a tare takes
+_TARED = 100  # wrenches whose median a tare takes, in which one glitch does not count
 _FEWEST = 10
 _IMPOSSIBLE = 1e9  # [N], [Nm]; squares of much more would overflow
 
@@ -131,6 +131,7 @@ class _ForceSensor:
         self.timeout = timeout
         self._T = T
         self._bias = np.zeros(6)  # in the axes of the sensor
+        self._tared = ''  # the frame of the bias
         self._recent: deque[Wrench] = deque(maxlen=_TARED)
         self._frame = ''  # the link in whose axes and about whose origin they are; '' is the tip
         self._age = 0.0  # [s], or for how long the first one has been awaited
@@ -160,6 +161,9 @@ class _ForceSensor:
         if self._recent and not float(np.abs(self._recent[-1]).max()) < _IMPOSSIBLE:
             raw = self._recent[-1].tolist()
             return f'the wrench is {raw}; expected finite values below {_IMPOSSIBLE:g}'
+        if self._frame != self._tared and self._bias.any():
+            frames = f'{self._tared or TIP} to {self._frame or TIP}'
+            return f'its frame has changed from {frames} since the wrench was tared: tare it again'
         return ''
 
     def at_tip(self, state: RobotState) -> Wrench | None:
@@ -174,16 +178,15 @@ class _ForceSensor:
 
     def tare(self) -> None:
         """Take what is measured now, at rest without contact, for the bias. Raises ContactError."""
-        if self.problem:
+        if not self._age <= self.timeout:
             raise ContactError(self.problem)
-        if len(self._recent) < _FEWEST:
-            raise ContactError(
-                f'{len(self._recent)} wrenches have come; expected {_FEWEST} or more'
-            )
-        mean = np.mean(self._recent, axis=0)
-        if not np.isfinite(mean).all():
-            raise ContactError('some of the last wrenches are not finite')
-        self._bias = mean
+        recent = np.array(self._recent)
+        if len(recent) < _FEWEST:
+            raise ContactError(f'{len(recent)} wrenches have come; expected {_FEWEST} or more')
+        if not np.abs(recent).max() < _IMPOSSIBLE:
+            raise ContactError(f'some of the last wrenches are not finite, or {_IMPOSSIBLE:g}')
+        self._bias = np.median(recent, axis=0)
+        self._tared = self._frame
 
 
 class ContactControl:
@@ -266,7 +269,8 @@ class ContactControl:
         if self.retreat is not None:
             return self._retreating(self.retreat, state, len(dx))
         rate = self._rate(wrench, state)
-        self._bound_search(rate, state)
+        for settings in filter(None, (self._old, self._new)):  # what acts: a fade may be under way
+            self._bound_search(rate, settings, state)
         return dx + rate
 
     def record(self, command: Command, dx: TaskVelocity) -> None:
@@ -310,18 +314,12 @@ class ContactControl:
             self._faded = float(self._new == self._old)
         if self._faded < 1.0:
             self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
-        new = self._rate_of(self._new, wrench, state)
-        if self._faded >= 1.0:
-            return new
         c, _ = quintic(self._faded)
-        return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
-
-    def _rate_of(
-        self, settings: AdmittanceSettings | None, wrench: Wrench, state: RobotState
-    ) -> TaskVelocity:
-        if settings is None:  # off
-            return np.zeros(len(self.e))
-        return settings.rate(wrench, self.e, self.de, self.T, state)
+        rate = np.zeros(len(self.e))
+        for settings, fraction in ((self._old, 1.0 - c), (self._new, c)):
+            if settings is not None and fraction > 0.0:
+                rate += fraction * settings.rate(wrench, self.e, self.de, self.T, state)
+        return rate
 
     def _exceeds_limit(self) -> bool:
         """Whether the force is above its limit; then the warning says so."""
@@ -352,9 +350,11 @@ class ContactControl:
         velocity[:3] = _RETREAT_SPEED * direction
         return velocity
 
-    def _bound_search(self, rate: TaskVelocity, state: RobotState) -> None:
+    def _bound_search(
+        self, rate: TaskVelocity, settings: AdmittanceSettings, state: RobotState
+    ) -> None:
         """Bound speed and distance of a search. Raises ContactError if it found no contact."""
-        desired = self.settings.rotation(state) @ np.array(self.settings.force[:3])  # (3,) [N]
+        desired = settings.rotation(state) @ np.array(settings.force[:3])  # (3,) [N]
         size = float(np.linalg.norm(desired))
         if size == 0.0 or float(self.force @ desired) > _TOUCHES * size**2:
             self._searched = 0.0
