@@ -319,21 +319,6 @@ def test_that_an_arm_does_not_come_to_rest_is_reported(noise: float, problem: st
     assert bool(problem) == bool(robot.following.error)
 
 
-@pytest.mark.parametrize('others', [0.1, 5e-3])  # [rad/s]
-def test_a_reference_comes_to_the_mean_of_where_a_moved_arm_rests(others: float) -> None:
-    robot = at_speed(interface='ros2_control')
-    random = np.random.default_rng(1)
-    q = robot.q
-    for cycle in range(2000):
-        if cycle < 1500:
-            q = q - others * T
-        robot.q = q + random.uniform(-1e-3, 1e-3, 7)
-        robot.ask()
-        assert robot.following.mode is not Mode.HOLDING or cycle > 1500
-    assert robot.following.mode is Mode.HOLDING
-    assert np.abs(robot.references[-1] - q).max() < 5e-4
-
-
 def test_an_error_in_a_catch_up_ends_like_any_other(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = at_speed(interface='ros2_control')
     impossible = Mock(side_effect=RedresError('no velocity leads there'))

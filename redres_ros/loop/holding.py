@@ -1,4 +1,6 @@
-"""What holds a reference at rest, leads it to the arm, and holds what a twist does not ask for."""
+"""What holds: the reference of an arm at rest, the approach to where that arm is, and the component
+of a twist that an operator does not ask for.
+"""
 
 import numpy as np
 
@@ -16,10 +18,8 @@ NOTHING = 1e-3  # [m/s], [rad/s]; a velocity with less asks for nothing
 _SPEED = 0.1  # of an approach, as a fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
 _CATCH_UP = 10.0  # [rad/s^2] the same for a reference from which the arm has been moved away
-_STILL = 5e-4  # [rad] that an arm at rest moves at most, beside the noise of its encoders
-_CREEP = 4e-3  # [rad/s] of an arm that does not rest
-_REST = 0.1  # [s] for which it is watched, at least
-_FEWEST = 5  # positions, by then
+_STILL = 5e-4  # [rad] that an arm at rest moves at most
+_REST = 0.1  # [s] for which it has not moved further
 _SERVO = 5e-3  # [rad] of a servo's error at rest
 
 _GAIN = 2.0  # [1/s] of the error of what is held
@@ -53,11 +53,8 @@ class HeldReference:
     def begin(self, q: JointPositions, lag: JointPositions | None = None) -> None:
         """The reference is held from now on, by an arm at q; after a motion that may lag behind."""
         self._servo = np.zeros(len(q))  # its error, (n,) [rad]
-        self._seen: list[JointPositions] = []  # since it was judged last
-        self._seconds = 0.0  # of these
-        self._rests = False
-        self._stood = q  # where it rests, (n,) [rad]
-        self._noise = 0.0  # of its encoders [rad]
+        self._stood = q
+        self._still = 0.0  # [s] for which it has stood there
         self.restless = 0.0  # [s] for which it has not come to rest
         self._began = q
         self._explained = _SERVO if lag is None else lag + _SERVO  # from there, (n,) [rad]
@@ -79,20 +76,19 @@ class HeldReference:
         controller = self._controller
         self._look(q, cycles * controller.T)
         self.restless += cycles * controller.T
-        if self._rests:
-            q = self._stood
         error = self._error(q)
         away = largest(error)
         is_same = largest(error - self._expected) <= min(_SERVO, away / 2)
+        is_still = self._still >= _REST
         is_beyond = away > self._allowed
         goes_on = (np.abs(q - self._began) > self._explained).any()
-        if self._follows and (goes_on or (self._rests and is_beyond)):
+        if self._follows and (goes_on or (is_still and is_beyond)):
             self._follows = False
             self._expected = np.zeros(len(q))
             is_same = False
-        is_here = self._rests or (self._follows and not is_beyond) or away <= _SERVO
+        is_here = is_still or (self._follows and not is_beyond) or away <= _SERVO
         self.wait = max(self.wait - cycles * controller.T, 0.0) if is_here else _REST
-        if not self._rests:
+        if not is_still:
             return is_here
         self.restless = 0.0
         self._expected = np.zeros(len(q))
@@ -101,41 +97,28 @@ class HeldReference:
         elif away > _SERVO:
             controller.hold_at(q - self._servo)
             self._expected = error
-            self._rests = False
+            self._still = 0.0
             self.wait = _REST
         self._follows = False
         return True
 
     def _look(self, q: JointPositions, seconds: Seconds) -> None:
-        """Fit a line to the last positions: an arm rests at their mean if it certainly is slow."""
-        self._seen.append(q)
-        self._seconds += seconds
-        leaves = self._rests and largest(q - self._stood) > _STILL + 5.0 * self._noise
-        if not leaves and (self._seconds < _REST or len(self._seen) < _FEWEST):
-            return
-        seen = np.array(self._seen)
-        mean = seen.mean(axis=0)
-        t = np.linspace(-0.5, 0.5, len(seen)) * self._seconds
-        slope = t.dot(seen) / t.dot(t)
-        noise = largest((seen - mean - np.outer(t, slope)).std(axis=0))
-        unknown = 3.0 * noise / np.linalg.norm(t)  # of the slope: three standard deviations
-        moves = leaves or largest(slope) - unknown > _CREEP or 5.0 * noise > _SERVO
-        if moves or largest(slope) + unknown <= _CREEP:
-            self._rests = not moves
-            self._stood = mean
-            self._noise = noise
-            self._seen = []
-            self._seconds = 0.0
+        if largest(q - self._stood) > _STILL:
+            self._stood = q
+            self._still = 0.0
+        if self._still < _REST <= self._still + seconds:
+            self._stood = q  # where it has come to rest
+        self._still += seconds
 
     def catch_up(self, q: JointPositions) -> JointVelocities:
         """The velocity of the reference to an arm at q that was moved away from it."""
-        end = self._stood if self._rests else q
+        end = self._stood if self._still >= _REST else q
         return approach_velocity(self._controller, end - self._servo, _CATCH_UP, 1.0)
 
     def has_caught_up(self, q: JointPositions) -> bool:
         """Whether that reference is where the arm rests."""
         self._look(q, self._controller.T)
-        return self._rests and largest(self._error(self._stood)) <= ARRIVED
+        return self._still >= _REST and largest(self._error(self._stood)) <= ARRIVED
 
 
 def approach_velocity(
